@@ -10,18 +10,16 @@ strict JSON.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ksd.library.result_files import json_object
+from ksd.solvers.estimated_result import EstimatedResult
 from ksd.solvers.steps import Stop
 from ksd.solvers.validity import basis_use
-from ksd.solvers.verdict import stability_sentence
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
+from ksd.solvers.verdict import stability_sentence, trust_verdicts, uncertainty
 
 FORMAT = 1
 SCHEMA: dict[str, str] = {
@@ -122,7 +120,7 @@ SCHEMA: dict[str, str] = {
 """Every key of `as_dict` with its meaning; * stands for a name, [] for the entries of a list."""
 
 
-def as_dict(configuration: Configuration) -> dict[str, Any]:
+def as_dict(configuration: EstimatedResult) -> dict[str, Any]:
     """All numbers of a configuration, ready for `json.dumps`; keys and units as in SCHEMA."""
     c = configuration
     return json_object(
@@ -159,7 +157,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
     )
 
 
-def _one_sided(c: Configuration) -> dict[str, Any]:
+def _one_sided(c: EstimatedResult) -> dict[str, Any]:
     """Tables of stops, cables and contacts; none where the scene has none."""
     found: dict[str, dict[str, Any]] = {
         "stops": {n: {"effort": s.force, "gap": s.gap, "limit": s.value} for n, s in c.stops.items()},
@@ -179,8 +177,8 @@ def _one_sided(c: Configuration) -> dict[str, Any]:
     return {kind: rows for kind, rows in found.items() if rows}
 
 
-def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
-    trust = c.trust
+def _trust(c: EstimatedResult) -> dict[str, dict[str, Any]]:
+    trust = trust_verdicts(c)
     return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in vars(trust).items()}
 
 
@@ -206,7 +204,7 @@ def _step(step: Any) -> dict[str, Any]:
     }
 
 
-def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
+def _drives(c: EstimatedResult) -> dict[str, dict[str, float | None]]:
     drives, forces = {}, c.forces
     for i, drive in enumerate(c.model.scene.drives):
         key, factor = _VALUE[drive.dimension]
@@ -219,7 +217,7 @@ def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
     return drives
 
 
-def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
+def _supports(c: EstimatedResult) -> dict[str, dict[str, float | None]]:
     reactions = c.reactions
     return {
         s.name: {_EFFORT[s.dimension]: reactions[s.name]}
@@ -228,7 +226,7 @@ def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
     }
 
 
-def _error(c: Configuration) -> dict[str, float | None] | None:
+def _error(c: EstimatedResult) -> dict[str, float | None] | None:
     if c.error is None:
         return None
     return {
@@ -239,8 +237,8 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
     }
 
 
-def _uncertainty(c: Configuration) -> dict[str, Any]:
-    found = c.uncertainty
+def _uncertainty(c: EstimatedResult) -> dict[str, Any]:
+    found = uncertainty(c)
     return {
         "percent": 100 * found.relative,
         "effect": found.effect or None,
@@ -248,14 +246,14 @@ def _uncertainty(c: Configuration) -> dict[str, Any]:
     }
 
 
-def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
+def _left_out(c: EstimatedResult) -> dict[str, dict[str, float | None]]:
     return {
         name: {f"{what}_percent": 100 * change for what, change in changes.items()}
         for name, changes in c.left_out.items()
     }
 
 
-def _basis(c: Configuration) -> dict[str, Any] | None:
+def _basis(c: EstimatedResult) -> dict[str, Any] | None:
     use = basis_use(c.model, c.motion)
     if use is None:
         return None
@@ -271,7 +269,7 @@ def _basis(c: Configuration) -> dict[str, Any] | None:
     }
 
 
-def _strength(c: Configuration) -> dict[str, Any] | None:
+def _strength(c: EstimatedResult) -> dict[str, Any] | None:
     strength = c.strength
     if strength is None:
         return None
@@ -296,7 +294,7 @@ def _strength(c: Configuration) -> dict[str, Any] | None:
     }
 
 
-def _links(c: Configuration) -> dict[str, dict[str, Any]]:
+def _links(c: EstimatedResult) -> dict[str, dict[str, Any]]:
     links = {}
     for i, (name, (displacement, _)) in enumerate(c.links.items()):
         if i > 0:
@@ -308,7 +306,7 @@ def _links(c: Configuration) -> dict[str, dict[str, Any]]:
     return links
 
 
-def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
+def _joints(c: EstimatedResult) -> dict[str, dict[str, Any]]:
     joints = {}
     for placed in c.model.scene.joints:
         intended = {}
@@ -324,7 +322,7 @@ def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
     return joints
 
 
-def _intended(c: Configuration, placed: Any) -> list[float]:
+def _intended(c: EstimatedResult, placed: Any) -> list[float]:
     """Intended motions [rad or m] of a joint: those of the solve, or from the relative pose of its links."""
     motions = placed.joint.motions
     names = [placed.name if len(motions) == 1 else f"{placed.name}.{m.name}" for m in motions]
@@ -340,7 +338,7 @@ def _intended(c: Configuration, placed: Any) -> list[float]:
     return [float(np.asarray(m.axis) @ (shift if m.kind == "translation" else turn)) for m in motions]
 
 
-def _leaves(c: Configuration) -> dict[str, dict[str, Any]]:
+def _leaves(c: EstimatedResult) -> dict[str, dict[str, Any]]:
     return {
         name: {
             "start_force_N": f.start[:3],

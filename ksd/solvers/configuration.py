@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -14,64 +14,37 @@ from numpy.typing import ArrayLike
 
 from ksd.answers.buckling import Buckling, buckling
 from ksd.answers.extent import Clearance, clearance, extent
-from ksd.answers.forces import InterfaceForces, SectionForces, interface_forces, section_forces
+from ksd.answers.forces import InterfaceForces, interface_forces
 from ksd.answers.frequencies import Modes, frequencies
 from ksd.answers.internal_stress import Misplaced, internal_stress
 from ksd.answers.link_forces import LinkForces, link_forces
-from ksd.answers.mesh_adequacy import ModeAdequacy, mode_adequacy
 from ksd.answers.modal_stress import modal_stress
 from ksd.answers.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
 from ksd.answers.plant import BASE_INPUTS, Damping, Plant, make_plant
-from ksd.answers.printing import NamedAnswers, render_text
-from ksd.answers.shape import Shape, mechanism_shape, point_position
+from ksd.answers.printing import render_text
+from ksd.answers.shape import Shape, mechanism_shape
 from ksd.answers.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
-from ksd.answers.strength import Strength, strength, unusual_values
-from ksd.answers.stress import Stress, strain_energy, stress
+from ksd.answers.stress import Stress, stress
 from ksd.answers.verify import Verification, verify
-from ksd.checks import (
-    Axis,
-    checked_question,
-    clear_argument_errors_of_methods,
-    name_hint,
-    names_of,
-    show,
-    vector,
-    whole_number,
-)
+from ksd.checks import Axis, checked_question, clear_argument_errors_of_methods, names_of, show, whole_number
 from ksd.errors import ConvergenceError, SceneError
 from ksd.export.files import export
 from ksd.html import NotebookTables
 from ksd.modal.leaf_bodies import full_model_state
-from ksd.model.arrays import State
-from ksd.model.compile import Model
-from ksd.model.newton import ROUNDING_MULTIPLE
-from ksd.model.turns import counted_rotation, node_rotations
 from ksd.numerics.threads import small_matrices
 from ksd.scene.functions_of_time import HalfSine
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
 from ksd.solvers.answer import as_dict
-from ksd.solvers.contact_state import ContactPoint, OneSidedPart, Touched, contact_points, one_sided
-from ksd.solvers.error import (
-    equilibrium_near,
-    error_estimate,
-    refined_equilibrium,
-    refinement_step_suffices,
-    with_error,
-)
+from ksd.solvers.error import refined_equilibrium, with_error
+from ksd.solvers.estimated_result import EstimatedResult
 from ksd.solvers.grasp import Grasp, contacts_on, grasp
-from ksd.solvers.held_contacts import hold_contacts
-from ksd.solvers.joint_motions import JointMotions
-from ksd.solvers.left_out import left_out
-from ksd.solvers.nonconservative_stability import nonconservative_stability
 from ksd.solvers.perturbed import answer_derivatives, parameters_of
 from ksd.solvers.random_vibration import RandomVibration, Spectrum, check_spectra, vibrate
 from ksd.solvers.report import tables
 from ksd.solvers.response import Response, frequency_grid, respond
 from ksd.solvers.sensitivity import sensitivity
 from ksd.solvers.shock import Shock, check_pulse, shake
-from ksd.solvers.steps import DEFAULT_ACCURACY, FAST_METHODS, ErrorEstimate, Step, Stop, Verdict
-from ksd.solvers.undeformed_stability import multiple_minima_note
 from ksd.solvers.validity import Validity, validity
 from ksd.solvers.verdict import Trust, Uncertainty, trust_verdicts, uncertainty
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_page, write_vtu
@@ -96,7 +69,7 @@ class _WithoutInside(type):
 
 @clear_argument_errors_of_methods
 @dataclass(frozen=True, repr=False)
-class Configuration(NotebookTables, metaclass=_WithoutInside):
+class Configuration(NotebookTables, EstimatedResult, metaclass=_WithoutInside):
     """A deformed configuration: the model, its state, and the record of the solve that led to it.
 
     motion: state of the full model (positions [m], rotation matrices, inner states, multipliers). method: "kinematic",
@@ -104,13 +77,6 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     solve, in order. method_error: estimated error that a fast method adds to that of the mesh; None where the method is
     exact or no estimate was made (see `error`). load_factor: fraction of the loads of the scene that acts. notes: warnings
     of the solve, part of `warnings`.
-
-    negatives: negative pivots of the tangent; expected_negatives: those explained by constraint rows. doubts: reasons for
-    which the branch is in doubt, and that smaller load steps did not remove. joint_motions: motions of the joints, or a
-    function that computes them from the state; None where the joints have no known records. method_was_chosen: `solve` chose
-    the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
-    motion. accuracy: the relative accuracy that was asked for. kernel_time [s]: thread time in which a first solve of this
-    process loaded or compiled kernels, apart from the steps. touched: of stops and cables; None where the scene has none.
 
     >>> guide, stroke, _ = ksd.load_scene("guide")
     >>> pose = ksd.solve(guide, stroke)
@@ -120,115 +86,13 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     250.7 MPa
     """
 
-    model: Model
-    motion: State
-    method: str
-    targets: Mapping[str, float]
-    steps: Sequence[Step]
-    _: KW_ONLY
-    negatives: int
-    expected_negatives: int
-    joint_motions: JointMotions | Callable[[State], JointMotions | None] | None = None
-    method_error: ErrorEstimate | None = None
-    notes: tuple[str, ...] = ()
-    load_factor: float = 1.0
-    doubts: tuple[str, ...] = ()
-    method_was_chosen: bool = False
-    joints_near_intended: bool = False
-    accuracy: float = DEFAULT_ACCURACY
-    kernel_time: float = 0.0
-    touched: Touched | None = None
-
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)
-
-    def __repr__(self) -> str:
-        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.reported_forces.items())
-        return (
-            f"<Configuration of '{self.model.scene.name}' by {self.method}: {self.targets}, forces {forces}>"
-        )
-
-    @cached_property
-    def motions(self) -> dict[str, float]:
-        """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
-        return NamedAnswers({} if self._joints is None else self._joints.by_motion(), "joint motion")
-
-    @cached_property
-    def unintended(self) -> dict[str, np.ndarray]:
-        """Displacement [m] and rotation vector [rad] (6,) of interface B off its intended pose, in joint axes, by joint;
-        empty where the joints have no records."""
-        return NamedAnswers({} if self._joints is None else self._joints.by_joint(), "joint")
-
-    @cached_property
-    def _joints(self) -> JointMotions | None:
-        """Motions of the joints, computed at first use where the solve deferred that."""
-        motions = self.joint_motions
-        return motions(self.motion) if callable(motions) else motions
-
-    @property
-    def converged(self) -> bool:
-        """Whether the last step reached equilibrium (for method "kinematic": closed all loops)."""
-        return self.steps[-1].stop is Stop.CONVERGED
-
-    @property
-    def stable(self) -> bool:
-        """Whether the state is a minimum of energy under the held drives (no negative pivots beyond those of the constraint
-        rows); where loads are not conservative, whether it neither diverges nor flutters."""
-        if self.negatives != self.expected_negatives:
-            return False
-        if self.model.conservative:
-            return True
-        return self.nonconservative_stability is None or self.nonconservative_stability.yes
-
-    @cached_property
-    def nonconservative_stability(self) -> Verdict | None:
-        """Flutter check where loads follow their links or are moments; None elsewhere, and where nothing converged."""
-        if self.model.conservative or not self.converged:
-            return None
-        held = self.with_contacts_held
-        return nonconservative_stability(*held.unreduced_state, self.load_factor)
-
-    @cached_property
-    def mesh_adequacy(self) -> ModeAdequacy:
-        """Energy share that the curvature modes may miss, and turn of the leaf springs per quadrature point."""
-        return mode_adequacy(self.model, self.motion)
 
     @property
     def trust(self) -> Trust:
         """Verdicts `stable`, `branch`, `strength` and `trusted`, each yes or no with a sentence."""
         return trust_verdicts(self)
-
-    @property
-    def stops(self) -> Mapping[str, OneSidedPart]:
-        """Force [N] or moment [Nm] and gap of every end stop by name, "end.high"; prints as a table."""
-        return one_sided(self.touched, "stop")
-
-    @property
-    def contacts(self) -> Mapping[str, ContactPoint]:
-        """State, gap, place, forces and reserve of friction of every contact of surfaces by name; prints as a table."""
-        return contact_points(self.touched)
-
-    @property
-    def cables(self) -> Mapping[str, OneSidedPart]:
-        """Tension [N], slack and length [m] of every cable by name; prints as a table."""
-        return one_sided(self.touched, "cable")
-
-    @cached_property
-    def error(self) -> ErrorEstimate | None:
-        """Estimated total error, that of the mesh included, computed when first read: `ksd.solvers.error.error_estimate`;
-        where stops or cables act it is not estimated."""
-        if self._acts:
-            return None
-        return error_estimate(self)
-
-    @cached_property
-    def left_out(self) -> dict[str, dict[str, float]]:
-        """Relative changes of "force", "displacement" and "support_stiffness" that plate stiffening and restrained warping
-        would make, by effect that is not in the model; computed when first read (`ksd.solvers.left_out`), empty where stops
-        or cables act."""
-        if self._acts:
-            return {}
-        return left_out(self)
 
     @cached_property
     def uncertainty(self) -> Uncertainty:
@@ -247,191 +111,6 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         material bear, and with an `uncertainty` of 10 % at most, or the accuracy asked for. `trust.trusted` has the reason
         in a sentence."""
         return self.trust.trusted.yes
-
-    @cached_property
-    def strength(self) -> Strength | None:
-        """Largest strain and stress of all leaves, and their shares of the limits; None where leaves are reduced solids."""
-        if self.model.solids:
-            return None
-        return strength(*self.unreduced_state, load_factor=self.load_factor)
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings of the solve, about the scene (`ksd.scene.plausibility`), and about strain and stress."""
-        strain = () if self.strength is None else self.strength.warnings
-        joints = () if self._joints is None else self._joints.unknown
-        own = (*self.far_drives, *unusual_values(self.model))
-        return (*self.notes, *joints, *filter(None, [self.minimum]), *own, *strain)
-
-    @property
-    def far_drives(self) -> tuple[str, ...]:
-        """Drive values that were probably given in another unit, a sentence each.
-
-        Not rotations: more than half a turn is refused unless the path has followed it.
-        """
-        angles = {d.name for d in self.model.scene.drives if d.dimension == "angle"}
-        return self.model.far_drives({n: v for n, v in self.targets.items() if n not in angles})
-
-    @cached_property
-    def minimum(self) -> str:
-        """Which of several minima this is, in a sentence, where the undeformed configuration is unstable under preload,
-        heat, assembly errors or loads; empty elsewhere."""
-        return (
-            ""
-            if self.model.solids or self._acts
-            else multiple_minima_note(*self.unreduced_state, self.stable)
-        )
-
-    @property
-    def iterations(self) -> int:
-        """Factorisations of all steps together."""
-        return sum(s.iterations for s in self.steps)
-
-    @property
-    def time(self) -> float:
-        """Thread time [s] of all steps together."""
-        return sum(s.time for s in self.steps)
-
-    @property
-    def forces(self) -> dict[str, float]:
-        """Drive force [N] or moment [Nm] by drive name: what the drive exerts on its link, positive along the drive."""
-        count = len(self.model.drive_names)
-        efforts = zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
-        return NamedAnswers({n: -float(m) for n, m in efforts}, "drive")
-
-    @property
-    def reported_forces(self) -> dict[str, float]:
-        """`forces` for printing, with 0 for what is only rounding: up to ROUNDING_MULTIPLE times the rounding of EA/L at the
-        farthest point. Larger forces are real, however small beside others."""
-        arrays, drives = self.model.arrays, self.model.scene.drives
-        farthest = max(float(arrays.size), float(np.abs(self.motion.x).max()))
-        stiffness = float(arrays.members.stiffness_scale.max(initial=0.0))
-        rounding = ROUNDING_MULTIPLE * np.finfo(float).eps * farthest * stiffness
-        rotations = {d.name for d in drives if d.dimension != "length"}
-        least = {n: rounding * (float(arrays.size) if n in rotations else 1.0) for n in self.forces}
-        return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}
-
-    @property
-    def reactions(self) -> dict[str, float]:
-        """Force [N] or moment [Nm] that every support exerts, by support name; not what holds a mechanism in its plane."""
-        count, supports = len(self.model.drive_names), self.model.original_scene.supports
-        efforts = zip(supports, self.motion.multiplier[count:], strict=False)
-        return NamedAnswers({s.name: -float(m) for s, m in efforts}, "support")
-
-    @property
-    def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Displacement (3,) [m] of the reference point and rotation matrix (3, 3) of every link, by name."""
-        rest = self.model.rest
-        moved = {
-            link: (self.motion.x[i] - rest.x[i], self.motion.R[i].copy())
-            for i, link in enumerate(self.model.scene.links)
-        }
-        return NamedAnswers(moved, "link")
-
-    def rotation(self, link: Link | str) -> np.ndarray:
-        """Rotation vector (3,) [rad] of a link from rest, global axes, with its whole turns as counted along the path of the
-        solve. Raises SceneError for an unknown name."""
-        node, rotation = self._node(link), np.empty(3)
-        counted_rotation(self.motion.R[node], node_rotations(self.model.arrays, self.motion)[node], rotation)
-        return rotation
-
-    def displacement(self, link: Link | str, at: ArrayLike | None = None) -> np.ndarray:
-        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest; of its reference point when None
-        (of a point of a leaf: the point itself). Raises SceneError for an unknown name."""
-        i = self._node(link)
-        point = self.model.rest.x[i] if at is None else np.array(vector(at, "at", unit="m"))
-        return point_position(self.model, self.motion, i, point) - point
-
-    def distance(self, name: str) -> float:
-        """The distance [m] of two points that the scene defines by this name (`Mechanism.distance`); along a direction, its
-        signed component. Raises SceneError for an unknown name."""
-        known = {d.name: d for d in self.model.scene.distances}
-        if name not in known:
-            raise SceneError(
-                f"distance {show(name)} is not defined in this mechanism{name_hint(name, known)}"
-            )
-        defined = known[name]
-        i, j = self._node(defined.a), self._node(defined.b)
-        end = point_position(self.model, self.motion, j, defined.end)
-        span = end - point_position(self.model, self.motion, i, defined.start)
-        if defined.along is None:
-            return float(np.linalg.norm(span))
-        turned = np.eye(3) if defined.turns_with is None else self.motion.R[self._node(defined.turns_with)]
-        return float(span @ turned @ np.asarray(defined.along))
-
-    def _node(self, named: Link | str) -> int:
-        """Node number of a link or internal block. Raises SceneError for an unknown name."""
-        link = named.name if isinstance(named, Link) else named
-        known = self.model.node_names
-        if link not in known:
-            raise SceneError(f"link '{link}' is not part of this mechanism; there are {', '.join(known)}")
-        return known.index(link)
-
-    @cached_property
-    def equilibrium(self) -> State:
-        """State at which questions beyond forces and poses are answered: `motion`, or, where `solve` itself chose a fast
-        method, the equilibrium of the full model next to it. Raises ConvergenceError where that is not found."""
-        if self.method_was_chosen and self.method in FAST_METHODS:
-            return equilibrium_near(self)
-        return self.motion
-
-    def set_equilibrium(self, state: State) -> None:
-        """Set `equilibrium` where it is known already."""
-        self.__dict__["equilibrium"] = state
-
-    @cached_property
-    def unreduced_state(self) -> tuple[Model, State]:
-        """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies
-        those of the configuration."""
-        return full_model_state(self.model, self.motion)
-
-    @property
-    def refinement_start(self) -> State:
-        """State from which questions on a finer mesh take their Newton step: `equilibrium`, or `motion` where that step
-        alone suffices."""
-        self._refuse_contact("a question about small motions")
-        if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self):
-            return self.motion
-        return self.equilibrium
-
-    @property
-    def unreduced_equilibrium(self) -> tuple[Model, State]:
-        """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`: for stress, energy and forces."""
-        return full_model_state(self.model, self.equilibrium)
-
-    @cached_property
-    def with_contacts_held(self) -> Configuration:
-        """The pose for questions about small motions: itself, or where stops, cables or contacts act that with them held
-        (`ksd.solvers.held_contacts`). Raises SceneError where one of them cannot be held."""
-        touched = self.touched
-        if touched is None or not touched.closed:
-            return self
-        model, motion = hold_contacts(self.model, self.motion, touched)
-        return replace(self, model=model, motion=motion, touched=None, joint_motions=None)
-
-    @property
-    def _acts(self) -> bool:
-        """Whether a stop or cable acts here."""
-        return self.touched is not None and self.touched.closed
-
-    def _refuse_contact(self, question: str) -> None:
-        """Raise SceneError for a question that has no answer yet where a stop or cable acts."""
-        touched = self.touched
-        if touched is not None and touched.closed:
-            name = next(p.name for p, f in zip(touched.what.parts, touched.forces, strict=True) if f[0])
-            raise SceneError(
-                f"{question}: '{name}' acts in this pose, and this question knows no stops, cables and contacts; prescribe "
-                "what it holds by mechanism.actuate, which answers it for a stop that stays closed"
-            )
-
-    def _of_leaves(self, question: str) -> None:
-        """Raise SceneError for a question that has no answer where leaf springs are reduced solids."""
-        solids = self.model.solids
-        if solids:
-            raise SceneError(
-                f"{question} is not available for reduced solids ({', '.join(solids)}); use leaf springs in their place, "
-                "or the meshed solid itself"
-            )
 
     def validity(self, *, leaf: str | None = None, error: float = 0.01) -> Validity:
         """Stroke (over its length) and rotation [rad] up to which the modal basis of a leaf, or a reduced solid, stays
@@ -680,10 +359,6 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
             *self.unreduced_equilibrium, points=whole_number(points, "points"), load_factor=self.load_factor
         )
 
-    def strain_energy(self) -> dict[str, float]:
-        """Strain energy [J] of every leaf by full name, and of springs; the sum is the energy that the mechanism stores."""
-        return strain_energy(*self.unreduced_equilibrium, load_factor=self.load_factor)
-
     def with_error(self, question: Callable[[Configuration], Answer]) -> tuple[Answer, Any]:
         """Answer of ``question(pose)`` (number, array, or mapping of them) and its error, in the same shape.
 
@@ -822,15 +497,6 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         Raises SceneError for an unknown joint or one without an intended rotation.
         """
         return pivot_shift(self.model, self.motion, joint, at=at)
-
-    def section_forces(self, *, points: int = 25) -> dict[str, SectionForces]:
-        """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points` stations
-        (of a chain: at its nodes)."""
-        return section_forces(
-            *self.unreduced_equilibrium,
-            points=whole_number(points, "points", least=2),
-            load_factor=self.load_factor,
-        )
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,10 +40,8 @@ from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles
 from ksd.solvers.full_bodies import full_equilibrium
 from ksd.solvers.method_error import newton_step_error, relative_error
+from ksd.solvers.result import Result, Solved
 from ksd.solvers.steps import FAST_METHODS, MAX_TURN_PER_STEP, ErrorEstimate, Stop
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
 
 MAX_ITERATIONS = 20
 """Newton steps to the equilibrium on the finer mesh, at most; three or four are usual."""
@@ -56,7 +54,7 @@ MOMENT_STATIONS = 25
 """Stations along a chain at which its moments are evaluated, to start the strain-mode leaf in its place."""
 
 
-def error_estimate(pose: Configuration) -> ErrorEstimate | None:
+def error_estimate(pose: Result) -> ErrorEstimate | None:
     """Estimated total error: the distance of a result to the equilibrium next to it on a finer mesh.
 
     None where the error of a fast method was not estimated, and where nothing converged; all inf where no equilibrium is
@@ -92,7 +90,7 @@ def _can_refine_solids(model: Model) -> bool:
     return all(s.refine and s.dof_count * (4 if s.is_2d else 8) <= MAX_REFINED_SOLID for s in solids)
 
 
-def _error_of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
+def _error_of_solids(pose: Result, own: ErrorEstimate) -> ErrorEstimate:
     """Total error with reduced solids; own: the error of their bases, the distance to the full solids on their own mesh.
 
     The distance to the equilibrium with full solids of twice the cells, and a third of the change by these. Large solids
@@ -112,12 +110,12 @@ def _error_of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
     return replace(own.plus(change, 1 / 3), mesh=mesh)
 
 
-def _unknown_error(pose: Configuration) -> ErrorEstimate:
+def _unknown_error(pose: Result) -> ErrorEstimate:
     """Error estimate where neither the error nor its part from the mesh is known: all inf."""
     return ErrorEstimate.unknown(len(pose.model.drive_names), mesh=math.inf)
 
 
-def _full_solid_equilibrium(pose: Configuration, *, cell_factor: float = 1.0) -> tuple[Model, State]:
+def _full_solid_equilibrium(pose: Result, *, cell_factor: float = 1.0) -> tuple[Model, State]:
     """Model and equilibrium with full solids next to a pose with reduced ones. Raises ConvergenceError.
 
     cell_factor: factor on the cells along every axis; unless it is 1, leaf springs are on the refined mesh.
@@ -132,7 +130,7 @@ def _full_solid_equilibrium(pose: Configuration, *, cell_factor: float = 1.0) ->
     )
 
 
-def refined_equilibrium(pose: Configuration) -> tuple[Model, State | None, int]:
+def refined_equilibrium(pose: Result) -> tuple[Model, State | None, int]:
     """The model on the refined mesh, the equilibrium on it next to the state of `pose` (None where none is found), and its
     negative pivots."""
     model, motion = pose.unreduced_state
@@ -142,7 +140,7 @@ def refined_equilibrium(pose: Configuration) -> tuple[Model, State | None, int]:
     return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
-def refined_configuration(pose: Configuration) -> Configuration:
+def refined_configuration(pose: Solved) -> Solved:
     """The equilibrium on the refined mesh next to a state; for reduced solids that of the full
     solids, with twice the cells where they are small enough.
 
@@ -164,7 +162,7 @@ def refined_configuration(pose: Configuration) -> Configuration:
     )  # fmt: skip
 
 
-def equilibrium_near(pose: Configuration) -> State:
+def equilibrium_near(pose: Result) -> State:
     """The equilibrium of the full model next to the state of a fast method.
 
     Raises ConvergenceError where Newton steps from there do not reach one.
@@ -193,7 +191,7 @@ def converge_fast_state(
     return converge(model.arrays, state, target, factor, work)
 
 
-def refinement_step_suffices(pose: Configuration) -> bool:
+def refinement_step_suffices(pose: Result) -> bool:
     """Whether the Newton step that questions on a finer mesh take (`ksd.answers.finer_model`) leads equally close to the
     equilibrium from the state of a fast method as from the equilibrium next to it."""
     own, model = pose.method_error, pose.model
@@ -205,7 +203,7 @@ def refinement_step_suffices(pose: Configuration) -> bool:
     )
 
 
-def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
+def with_error(pose: Solved, question: Callable[[Solved], Any]) -> tuple[Any, Any]:
     """The answer of question(pose) (number, array, or mapping of them) and, in the same shape, its error: the absolute
     change to the answer of `refined_configuration`."""
     answer, refined_answer = question(pose), question(refined_configuration(pose))

@@ -7,7 +7,6 @@ both are compared, as `ksd effects` does for all effects with a whole solve for 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +20,7 @@ from ksd.model.chosen_effects import with_conditions, with_twists
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.plate_runs import is_wide, plate_conditions
 from ksd.solvers.error import find_equilibrium
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
-
+from ksd.solvers.result import Result
 
 COMPARED = ("force", "displacement", "support_stiffness")
 """Quantities that are compared."""
@@ -54,7 +50,7 @@ def _percents(changes: Mapping[str, float]) -> list[str]:
     return [format_signed_percent(100.0 * changes[what]) if what in changes else "-" for what in COMPARED]
 
 
-def left_out(pose: Configuration) -> LeftOut:
+def left_out(pose: Result) -> LeftOut:
     """Signed relative changes by effect that is left out and that some leaf could have.
 
     "force": largest change of a drive force, relative to the largest force; "displacement": of the largest link

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +30,8 @@ from ksd.model.scene_layout import split_scene
 from ksd.model.template import Template, template_of
 from ksd.scene.leaf import LeafCondition
 from ksd.solvers.error import equilibrium_near
+from ksd.solvers.result import Solved
 from ksd.solvers.steps import FAST_METHODS
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
 
 RELATIVE_STEP = 3e-5
 """Step of a parameter relative to its value, for central differences."""
@@ -236,8 +234,8 @@ class PerturbedEquilibria:
         self._one_sided: dict[str, GradientParameter] = {}
 
     def __call__(
-        self, pose: Configuration, parameters: Sequence[GradientParameter]
-    ) -> tuple[Configuration, list[list[Configuration]]]:
+        self, pose: Solved, parameters: Sequence[GradientParameter]
+    ) -> tuple[Solved, list[list[Solved]]]:
         """The equilibrium of a pose, and the perturbed ones by parameter and step.
 
         Only values of drives may differ from those of the previous call. Raises ConvergenceError where there is no
@@ -264,12 +262,12 @@ class PerturbedEquilibria:
         return here, self._sides(here, parameters, self._cached_models[1])
 
     def _sides(
-        self, here: Configuration, parameters: Sequence[GradientParameter], models: Sequence[Sequence[Model]]
-    ) -> list[list[Configuration]]:
+        self, here: Solved, parameters: Sequence[GradientParameter], models: Sequence[Sequence[Model]]
+    ) -> list[list[Solved]]:
         """The equilibria next to `here` of models by parameter and step."""
         sides = []
         for parameter, own_models in zip(parameters, models, strict=True):
-            own: list[Configuration] = []
+            own: list[Solved] = []
             first = 0.0
             for step, model in zip(self.steps, own_models, strict=True):
                 values = parameter.targets_at(here.targets, parameter.value + step * parameter.scale)
@@ -291,13 +289,13 @@ class PerturbedEquilibria:
 
     def _equilibrium(
         self,
-        pose: Configuration,
+        pose: Solved,
         model: Model,
         start: State,
         targets: Mapping[str, float],
         name: str = "",
         first: float = 0.0,
-    ) -> tuple[Configuration, float]:
+    ) -> tuple[Solved, float]:
         """The equilibrium of a model after Newton steps from a state, and the size of the first one.
 
         name: of the changed parameter; first: size of the first step to the opposite side, which replaces the one here.
@@ -410,8 +408,8 @@ def _fixed_orders_mesh(model: Model) -> Mesh:
 
 
 def answer_derivatives(
-    pose: Configuration,
-    question: Callable[[Configuration], Any],
+    pose: Solved,
+    question: Callable[[Solved], Any],
     parameters: Sequence[GradientParameter],
 ) -> dict[str, Any]:
     """Derivatives of question(pose) (number, array, or mapping of them; in the same shape), by name of the parameter."""

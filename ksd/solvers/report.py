@@ -5,18 +5,16 @@ They print numbers of `as_dict` only; its layout and units are in `ksd.solvers.a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ksd.answers.printing import empty_table as _table
 from ksd.answers.printing import format_number, format_signed_percent
 from ksd.answers.strength import LAW_ERROR_PER_STRAIN, WARNING_STRAIN
 from ksd.model.newton import RTOL
 from ksd.solvers.answer import as_dict
+from ksd.solvers.estimated_result import EstimatedResult
 from ksd.solvers.steps import FAST_METHODS, percent
 from ksd.solvers.verdict import EFFECT_NAMES
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
 
 _STOPS = {
     "converged": "within bound",
@@ -40,7 +38,7 @@ _UNITS = {
 }
 
 
-def tables(configuration: Configuration) -> list[Any]:
+def tables(configuration: EstimatedResult) -> list[Any]:
     """Rich renderables, no wider than WIDTH columns: head, steps, drives, stops, cables, contacts, verdicts, joints, links,
     warnings."""
     from rich.text import Text

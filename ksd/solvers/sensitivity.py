@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,9 @@ from ksd.scene.load import Load
 from ksd.solvers.branch_check import follow_load_path
 from ksd.solvers.load_steps import LoadPath, as_step, stop_sentence
 from ksd.solvers.perturbed import difference_quotient
+from ksd.solvers.result import Result, Solved
 from ksd.solvers.steps import Stop
 from ksd.solvers.storage import thread_storage
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
 
 Array = NDArray[np.float64]
 LOAD_FRACTION = 1e-3
@@ -41,8 +39,8 @@ MAX_BACKWARD_ERROR = 1e-4
 
 
 def sensitivity(
-    pose: Configuration,
-    question: Callable[[Configuration], Any],
+    pose: Solved,
+    question: Callable[[Solved], Any],
     link: Any,
     *,
     at: Any,
@@ -70,7 +68,7 @@ def sensitivity(
         vector(at, "at", owner="sensitivity", unit="m"),
     )
     scaled = _scale_loads(model.scene, pose.load_factor)
-    states: list[Configuration] = []
+    states: list[Solved] = []
     refinements: list[tuple[Array, Array]] = []
     for sign in (1.0, -1.0):
         f, m = (tuple((sign * LOAD_FRACTION * part).tolist()) for part in (load[:3], load[3:]))
@@ -107,7 +105,7 @@ def _scale_loads(scene: Any, factor: float) -> Any:
     )
 
 
-def _loaded_equilibrium(pose: Configuration, loaded: Model, state: State) -> Configuration:
+def _loaded_equilibrium(pose: Solved, loaded: Model, state: State) -> Solved:
     """The equilibrium of the loaded model next to `state`, at the drive values of the pose."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = follow_load_path(
@@ -125,7 +123,7 @@ def _loaded_equilibrium(pose: Configuration, loaded: Model, state: State) -> Con
     return found
 
 
-def _refine(found: Configuration) -> tuple[Array, Array]:
+def _refine(found: Result) -> tuple[Array, Array]:
     """Two more Newton steps, in place; returns the last one (unknowns,) and the weights of its entries."""
     model, motion = found.model, found.motion
     for _ in range(2):
@@ -136,7 +134,7 @@ def _refine(found: Configuration) -> tuple[Array, Array]:
     return step, tangent.weight()
 
 
-def _backward_error(plus: Configuration, minus: Configuration, last: list[tuple[Array, Array]]) -> float:
+def _backward_error(plus: Result, minus: Result, last: list[tuple[Array, Array]]) -> float:
     """Largest weighted norm of the last Newton steps of two states, over half that of their difference."""
     arrays, one, other = plus.model.arrays, plus.motion, minus.motion
     apart, turned = np.zeros(arrays.plan.unknowns), np.empty(3)

@@ -34,12 +34,12 @@ from ksd.model.arrays import carries_load
 from ksd.model.mesh import MAX_ORDER
 from ksd.scene.rules import plane_hint
 from ksd.solvers.branch_check import loads_dominate
+from ksd.solvers.estimated_result import Estimated, EstimatedResult
 from ksd.solvers.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
 from ksd.solvers.load_steps import state_difference
 from ksd.solvers.steps import EITHER_SIDE, ErrorEstimate, Stop, Verdict, equilibrium_iterations, percent
 
 if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
     from ksd.solvers.five_steps import FiveStepsStorage
 
 NOT_SOLVED, NOT_TRUSTED = "not solved: ", "not to be trusted: "
@@ -83,13 +83,13 @@ class Trust:
         return "\n".join(name + sentence.removeprefix(name) for name, sentence in sentences)
 
 
-def stability_verdict(c: Configuration) -> Verdict:
+def stability_verdict(c: EstimatedResult) -> Verdict:
     """Whether the state is a minimum of energy under the held drives."""
     reason = _over_rolled_leaf(c)
     return Verdict(False, f"NOT CERTAIN: {reason}") if reason else Verdict(c.stable, stability_sentence(c))
 
 
-def stability_sentence(c: Configuration) -> str:
+def stability_sentence(c: EstimatedResult) -> str:
     """Whether the state is stable, and why, in one sentence."""
     if _is_moving(c):
         return "in motion, no equilibrium"
@@ -112,11 +112,11 @@ def stability_sentence(c: Configuration) -> str:
     )
 
 
-def _is_moving(c: Configuration) -> bool:
+def _is_moving(c: EstimatedResult) -> bool:
     return c.steps[-1].stop is Stop.MOVING
 
 
-def _over_rolled_leaf(c: Configuration) -> str:
+def _over_rolled_leaf(c: EstimatedResult) -> str:
     """A sentence about the strain-mode leaf that turns too far for its quadrature points; empty where none does.
 
     At two full turns on 7 points a saddle, as finer leaf springs and chains of 40 elements show, counted as a minimum.
@@ -137,7 +137,7 @@ def _over_rolled_leaf(c: Configuration) -> str:
     )
 
 
-def branch_verdict(c: Configuration) -> Verdict:
+def branch_verdict(c: EstimatedResult) -> Verdict:
     """Whether the state is on the branch that leads from rest by the intended motions of the joints."""
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
@@ -154,7 +154,7 @@ def branch_verdict(c: Configuration) -> Verdict:
     return Verdict(True, f"reached from where it started ({way}), nothing speaks against it")
 
 
-def _joint_furthest_off(c: Configuration) -> tuple[str, float, float, float]:
+def _joint_furthest_off(c: EstimatedResult) -> tuple[str, float, float, float]:
     """The joint furthest off its intended motion: name, share of the limit, displacement [m], rotation [rad]; name "" where
     no joint is known."""
     worst = ("", 0.0, 0.0, 0.0)
@@ -175,7 +175,7 @@ def _joint_furthest_off(c: Configuration) -> tuple[str, float, float, float]:
     return worst
 
 
-def needs_load_step_check(found: Configuration) -> bool:
+def needs_load_step_check(found: EstimatedResult) -> bool:
     """Whether a result of the five steps must be compared with load steps, because loads do much of the work."""
     if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
         return False
@@ -184,8 +184,8 @@ def needs_load_step_check(found: Configuration) -> bool:
 
 
 def compare_with_load_steps(
-    found: Configuration, solve_by_load_steps: Callable[[], Configuration]
-) -> tuple[str, Configuration | None]:
+    found: Estimated, solve_by_load_steps: Callable[[], Estimated]
+) -> tuple[str, Estimated | None]:
     """Compare a result with that of load steps.
 
     Returns the doubt in one sentence, empty where both end in the same state, and the result of the load steps, None where
@@ -211,7 +211,7 @@ def compare_with_load_steps(
     ), other
 
 
-def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
+def with_mesh_check(found: Estimated, wanted: float) -> Estimated:
     """The result with the accuracy that is `wanted`, a note where a leaf has more than that of its energy in its highest
     modes, and a doubt where its curvature is not resolved and the leaf matters."""
     share, where, axis, _ = found.mesh_adequacy
@@ -261,19 +261,19 @@ def _range_sentence(name: str, value: float, low: float, high: float, *, scale: 
     return f"joint '{name}' would move {v:.6g} mm, outside its trained range of {a:.4g} to {b:.4g} mm"
 
 
-def is_solved(c: Configuration) -> bool:
+def is_solved(c: EstimatedResult) -> bool:
     """Whether `solved_verdict` is yes; the verdict is formed only where that is not evident."""
     return _is_evidently_solved(c) or bool(solved_verdict(c))
 
 
-def solved_verdict(c: Configuration) -> Verdict:
+def solved_verdict(c: EstimatedResult) -> Verdict:
     """Whether the equations are solved, at a minimum and on the intended branch; leaves aside strain, stress and the
     error of the mesh."""
     return _verdict_with_error(c, stability_verdict(c), branch_verdict(c), c.method_error)
 
 
 def _verdict_with_error(
-    c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None
+    c: EstimatedResult, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None
 ) -> Verdict:
     """See `solved_verdict`. error: the total error, or that of the method alone."""
     if not c.converged:
@@ -304,13 +304,13 @@ def _verdict_with_error(
     return Verdict(True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant")
 
 
-def _exceeds_result(c: Configuration, e: ErrorEstimate) -> bool:
+def _exceeds_result(c: EstimatedResult, e: ErrorEstimate) -> bool:
     """Whether the error is larger than the result, and not only because the displacements are negligible."""
     negligible = e.displacement <= NEGLIGIBLE_DISPLACEMENT * c.model.arrays.size and c.method != "constant"
     return not (e.relative <= 1.0 or negligible)
 
 
-def strength_verdict(c: Configuration) -> Verdict:
+def strength_verdict(c: EstimatedResult) -> Verdict:
     """Whether a linear elastic beam can be in this state."""
     found = c.strength if c.converged or _is_moving(c) else None
     if found is None:
@@ -318,7 +318,7 @@ def strength_verdict(c: Configuration) -> Verdict:
     return Verdict(not found.beyond, "; ".join(filter(None, [str(found), found.beyond])))
 
 
-def trust_verdicts(c: Configuration) -> Trust:
+def trust_verdicts(c: EstimatedResult) -> Trust:
     """All verdicts on a configuration."""
     minimum, branch, beam = stability_verdict(c), branch_verdict(c), strength_verdict(c)
     trusted = _verdict_with_error(c, minimum, branch, c.error)
@@ -342,7 +342,7 @@ class Uncertainty(NamedTuple):
     quantity: str = ""
 
 
-def uncertainty(c: Configuration) -> Uncertainty:
+def uncertainty(c: EstimatedResult) -> Uncertainty:
     """The relative error of forces and poses, see `Uncertainty`."""
     own = math.nan if c.error is None else c.error.relative
     changes = (
@@ -356,7 +356,7 @@ def uncertainty(c: Configuration) -> Uncertainty:
     return Uncertainty(own) if own >= largest.relative else largest
 
 
-def error_verdict(c: Configuration, verdict: Verdict) -> Verdict:
+def error_verdict(c: EstimatedResult, verdict: Verdict) -> Verdict:
     """A verdict that is yes so far, with the error against the model and the effects left out that change more than the
     accuracy asked for; no where one of them is above MAX_TRUSTED_ERROR."""
     effects = []
@@ -393,7 +393,7 @@ def error_verdict(c: Configuration, verdict: Verdict) -> Verdict:
     return Verdict(True, f"{verdict}{comma} {within}")
 
 
-def refusal(c: Configuration) -> str:
+def refusal(c: EstimatedResult) -> str:
     """Why a configuration is refused unless strict=False, in one sentence; empty where it is solved.
 
     Strain and stress are not checked: that would take longer than the Newton steps of a prepared solve.
@@ -412,7 +412,7 @@ def refusal(c: Configuration) -> str:
     return f"{verdict}{minimum}{_conflicting_drives(c)}{unusual}; {hint}"
 
 
-def require_solved(c: Configuration) -> Configuration:
+def require_solved(c: Estimated) -> Estimated:
     """The configuration itself if it is solved; else TrustError with its `refusal`, and the configuration as `result`."""
     reason = refusal(c)
     if reason:
@@ -420,7 +420,7 @@ def require_solved(c: Configuration) -> Configuration:
     return c
 
 
-def _is_evidently_solved(c: Configuration) -> bool:
+def _is_evidently_solved(c: EstimatedResult) -> bool:
     """Whether the configuration is solved without doubt, by what is known without further computation."""
     # the conventional solver does not depend on the records of the joints
     on_branch = c.joints_near_intended or c.method in ("conventional", "constant")
@@ -428,7 +428,7 @@ def _is_evidently_solved(c: Configuration) -> bool:
     return solved and (c.method_error is None or c.method_error.relative <= 1.0) and not _over_rolled_leaf(c)
 
 
-def _conflicting_drives(c: Configuration) -> str:
+def _conflicting_drives(c: EstimatedResult) -> str:
     """A clause about drives that conflict with each other, or in a singular position; empty where there are none."""
     if c.stable or not c.model.drive_names:
         return ""

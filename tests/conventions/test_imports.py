@@ -112,18 +112,8 @@ def test_types_come_from_the_layers_below_too():
     assert not sorted(filter(goes_up, typed_edges()))
 
 
-NAMED_ABOVE = {"ksd.solvers.configuration"}
-"""Files with a type that files below them name: `Configuration`, which answers by them."""
-
-
 def test_types_are_in_no_circle():
-    typed = typed_edges()
-    for file in NAMED_ABOVE:
-        others = NAMED_ABOVE - {file}
-        assert circle({edge for edge in typed if edge in EDGES or edge[1] not in others}), (
-            f"{file} is in no circle"
-        )
-    assert not circle({edge for edge in typed if edge in EDGES or edge[1] not in NAMED_ABOVE})
+    assert not circle(typed_edges())
 
 
 def test_kernels_are_plain_numba():
