@@ -11,6 +11,7 @@ import hashlib
 import io
 import json
 import math
+import random
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -191,14 +192,27 @@ def thread_us(call: Callable[[], Any]) -> float:
     return 1e-3 * (time.thread_time_ns() - begin)
 
 
-def time_in_turns(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
-    """Thread time of every case, measured in turns: each case once a round, `warm` rounds not counted."""
+def times_in_turns(
+    cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2
+) -> dict[str, list[float]]:
+    """Thread times [us] of every case, measured in turns: each case once a round, `warm` rounds not counted.
+
+    The order changes from round to round, since a case takes less after one that has left the same code in the caches.
+    """
     spent: dict[str, list[float]] = {name: [] for name in cases}
+    order, shuffled = list(cases), random.Random(1)
     for n in range(warm + repeats):
-        for name, call in cases.items():
-            took = thread_us(call)
+        for name in order:
+            took = thread_us(cases[name])
             if n >= warm:
                 spent[name].append(took)
+        shuffled.shuffle(order)
+    return spent
+
+
+def time_in_turns(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
+    """`times_in_turns` of every case, summarised."""
+    spent = times_in_turns(cases, repeats=repeats, warm=warm)
     return {name: summarise_times(values) for name, values in spent.items()}
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ksd.elements.linear import LINEAR_INNER
 from ksd.joints.joint_arrays import (
     BLOCK_JOINT,
     BLOCK_NODE,
@@ -113,7 +114,7 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
     factor_blocks(plan, value, spare, stop)
     forward_blocks(plan, spare, rhs, stop)
     for j in range(joints):
-        B, at, o = nodes - joints + j, plan[plan[DIAGONAL] + stop + j], 54 * j
+        B, at, o = nodes - joints + j, plan[plan[DIAGONAL] + stop + j], LINEAR_INNER * j
         u = start[B]
         for r in range(3):
             inner[o + r] = x[B, r]
@@ -230,3 +231,33 @@ def place_internal_blocks(joint_ints, geometry, interior_ints, full_node, block_
                 R[f, r, c] = (
                     p * geometry[F + 3 * c] + q * geometry[F + 3 * c + 1] + s * geometry[F + 3 * c + 2]
                 )
+
+
+@kernel
+def join_states(
+    joint_ints, geometry, interior_ints, full_node, block_x, block_R, block_inner,
+    link_x, link_R, link_inner, link_multiplier, link_angle, x, R, inner, multiplier, angle,
+):  # fmt: skip
+    """Write a state of the substructures (block_...) and one of links and condensed joints (link_...) into that of the full
+    model; internal blocks as in `place_internal_blocks`, counted angles as in `ksd.model.turns.copy_angles`."""
+    links, own = len(link_x), len(block_inner)
+    x[:links], R[:links] = link_x, link_R
+    inner[:own] = block_inner
+    for i in range(LINEAR_INNER * joint_ints[JOINT_COUNT], len(link_inner)):
+        inner[own] = link_inner[i]
+        own += 1
+    multiplier[:] = link_multiplier
+    relative, rotations = len(angle) - 3 * len(x), len(link_angle) - 3 * links
+    angle[:relative] = link_angle[:relative]
+    angle[relative : relative + 3 * links] = link_angle[rotations:]
+    place_internal_blocks(
+        joint_ints,
+        geometry,
+        interior_ints,
+        full_node,
+        block_x,
+        block_R,
+        x,
+        R,
+        angle[relative:].reshape(-1, 3),
+    )

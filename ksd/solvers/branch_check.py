@@ -20,13 +20,14 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model
 from ksd.model.newton import MAX_PREDICTOR_TURN, check_residual, largest_rotation
-from ksd.model.turns import counted_rotation, node_rotations, relative_angles
+from ksd.model.turns import counted_rotation, node_rotations
 from ksd.solvers.arc_length import END_REACHED, PathContinuation, follow_by_arc_length
 from ksd.solvers.load_steps import (
     SAME_STATE_TOLERANCE,
     LoadPath,
     LoadStepRecord,
     LoadStepResult,
+    largest_turn,
     state_difference,
     take_path,
 )
@@ -129,8 +130,7 @@ def branch_doubt(
         return f"a load step took {record.most_iterations} iterations"
     if record.smallest_step < min(SMALL_STEP, 0.9 / steps):
         return f"a load step had to be cut to {100 * record.smallest_step:.2g} % of the way"
-    change = relative_angles(model.arrays, motion) - relative_angles(model.arrays, begin)
-    turned = float(np.abs(change).max(initial=0.0)) / steps
+    turned = largest_turn(model.arrays, motion, begin) / steps
     if turned > math.pi:
         return f"a load step turned a torsion spring or a drive by {math.degrees(turned):.4g} deg"
     if not from_rest:

@@ -41,6 +41,7 @@ def solve_conventional(
     storage: NewtonStorage | None = None,
     joints: JointMotionReader | None = None,
     method: str = "conventional",
+    chosen: str = "",
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -50,8 +51,8 @@ def solve_conventional(
     `ksd.model.newton.solve_equilibrium`; eps_max [N and Nm mixed, as in the paper]: norm of the residual above which a step
     is given up; smallest_step: fraction of the path below which steps are not halved any more. storage: of this model, not
     used by another thread meanwhile (that of this thread when None). joints: computes the joint motions of the result when
-    they are read. method: name of the method in the result. Raises ConvergenceError with the fraction reached, SceneError
-    for wrong drive names.
+    they are read. method: name of the method in the result; chosen: see `Step`. Raises ConvergenceError with the fraction
+    reached, SceneError for wrong drive names.
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
@@ -71,7 +72,7 @@ def solve_conventional(
     # the values of supports come after those of the drives
     drive_values = dict(zip(model.drive_names, values.tolist(), strict=False))
     result = Configuration(
-        model, motion, method, drive_values, (as_step(record, words, time),), negatives=record.negatives,
+        model, motion, method, drive_values, (as_step(record, words, time, chosen),), negatives=record.negatives,
         expected_negatives=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
     )  # fmt: skip
     if record.stop is not Stop.CONVERGED:

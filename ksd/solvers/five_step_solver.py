@@ -83,10 +83,12 @@ class FiveStepSolver:
         relinearisations: int,
         estimate: bool,
         accuracy: float | None = None,
+        chosen: str = "",
     ) -> Configuration:
         """Solve at drive values by name and their right-hand sides target (c,); options as in `ksd.solve`.
 
         accuracy: relative error of "reduced" above which the solve goes on as "full"; None where the method was named.
+        chosen: see `Step`, empty where it was named.
         Raises RangeError, ConvergenceError, KinematicsError.
         """
         if method == "kinematic" and self.compatibility.unmet_drives:
@@ -125,11 +127,13 @@ class FiveStepSolver:
         elif steps[-1].stop is Stop.CONVERGED:
             negatives = count_unstable_directions(self.model, b.full_state, 1.0, negatives)
         doubts = slow_step_doubts(equilibrium_steps(steps))
+        if chosen:
+            steps[-1] = steps[-1]._replace(chosen=chosen)
         found = Configuration(
             self.model, b.full_state.copy(), method, dict(values), tuple(steps), negatives=negatives,
             expected_negatives=self._expected, joint_motions=joint_motions, method_error=error,
             notes=(*notes, *self._assembly_note(steps[0].residual)), doubts=doubts,
-            joints_near_intended=bool(b.checks[1] == 1),
+            method_was_chosen=bool(chosen) and method == "reduced", joints_near_intended=bool(b.checks[1] == 1),
         )  # fmt: skip
         return self._with_error(found, target) if estimate and method == "kinematic" else found
 

@@ -22,20 +22,17 @@ from ksd.joints.kinematics import close_loops
 from ksd.joints.substructures import (
     condense_joints,
     interface_step,
-    place_internal_blocks,
+    join_states,
     relative_poses,
     set_near_configuration,
 )
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
-from ksd.model.turns import copy_angles, node_rotations
 from ksd.numerics.kernel import kernel
 from ksd.solvers.joint_range import check_joints, is_outside, motion_limits
 from ksd.solvers.steps import MAX_TURN_PER_STEP, Step, Stop
 
-CONDENSED_SIZE = 54
-"""Inner numbers of a condensed joint in step 3: position d0 (3), rotation R0 (9), wrench F (6), stiffness K (36)."""
 MAX_REDUCED_ITERATIONS = 25
 MAX_FULL_ITERATIONS = 30
 """Newton iterations of steps 3 and 5."""
@@ -106,16 +103,10 @@ def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, flo
 
 def assemble_full_state(b: FiveStepsStorage) -> None:
     """Write links, internal blocks, inner states and multipliers into the full state."""
-    bodies, full, reduced, substructures = b.bodies, b.full_state, b.reduced_state, b.substructure_state
-    links, inner = len(reduced.x), len(substructures.inner)
-    full.x[:links], full.R[:links] = reduced.x, reduced.R
-    free = reduced.inner[CONDENSED_SIZE * len(bodies.kinematics.node) :]
-    full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
-    full.multiplier[:] = reduced.multiplier
-    copy_angles(bodies.reduced, reduced, b.model.arrays, full, nodes=slice(links))
-    place_internal_blocks(
-        *bodies.kinematics.flat, bodies.interior.flat.ints, bodies.full_node, substructures.x, substructures.R,
-        full.x, full.R, node_rotations(b.model.arrays, full),
+    bodies, blocks = b.bodies, b.substructure_state
+    join_states(
+        *bodies.kinematics.flat, bodies.interior.flat.ints, bodies.full_node, blocks.x, blocks.R, blocks.inner,
+        *b.reduced_state, *b.full_state,
     )  # fmt: skip
 
 

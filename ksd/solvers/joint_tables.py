@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ksd.elements.linear import LINEAR_INNER
 from ksd.errors import SceneError
 from ksd.joints.joint_poses import joint_poses
 from ksd.solvers.five_steps import (
-    CONDENSED_SIZE,
     FiveStepsStorage,
     condense_joint_bodies,
     set_linearisation_point,
@@ -59,9 +59,7 @@ def _sample_joints(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
             raise SceneError(
                 "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
             )
-        condensed[n] = b.reduced_state.inner[: CONDENSED_SIZE * joints].reshape(joints, CONDENSED_SIZE)[
-            :, 12:
-        ]
+        condensed[n] = b.reduced_state.inner[: LINEAR_INNER * joints].reshape(joints, LINEAR_INNER)[:, 12:]
     matrix = condensed[:, :, 6:].reshape(*condensed.shape[:2], 6, 6)
     return np.concatenate([condensed[:, :, :6], matrix[:, :, _UPPER[0], _UPPER[1]]], axis=2)
 

@@ -102,11 +102,16 @@ class LoadPath(NamedTuple):
         return self.start + fraction * (self.target - self.start), low + fraction * (high - low)
 
 
+def largest_turn(arrays: Arrays, one: State, other: State) -> float:
+    """Largest difference [rad] of a counted angle of two states."""
+    change = relative_angles(arrays, one) - relative_angles(arrays, other)
+    return max(map(abs, change.tolist()), default=0.0)
+
+
 def state_difference(model: Model, one: State, other: State) -> float:
     """Largest difference of two states: positions over the size of the mechanism, rotation matrices, and counted angles."""
     shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
-    change = relative_angles(model.arrays, one) - relative_angles(model.arrays, other)
-    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0), np.abs(change).max(initial=0.0)))
+    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0), largest_turn(model.arrays, one, other)))
 
 
 def take_load_steps(
@@ -291,12 +296,12 @@ def _rigid_conflicts(model: Model) -> Iterator[str]:
             yield redundant.sentence
 
 
-def as_step(record: LoadStepRecord, how: str, time: float) -> Step:
-    """Load steps that took `time` [s] as one step of a solve; how: see `LoadStepResult`."""
+def as_step(record: LoadStepRecord, how: str, time: float, chosen: str = "") -> Step:
+    """Load steps that took `time` [s] as one step of a solve; how: see `LoadStepResult`, chosen: see `Step`."""
     note = f"{record.steps_tried} load step{'s' * (record.steps_tried != 1)}{', ' * bool(how)}{how}"
     if record.steps_with_pivoting:
         note += ", with pivoting"
-    return Step("equilibrium", record.factorisations, time, record.residual, record.stop, note)
+    return Step("equilibrium", record.factorisations, time, record.residual, record.stop, note, chosen)
 
 
 def stop_sentence(model: Model, record: LoadStepRecord, doubts: tuple[str, ...]) -> str:

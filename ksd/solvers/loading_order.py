@@ -23,8 +23,9 @@ from ksd.answers.leaf_groups import chain_groups, elastic_stiffness, end_frames,
 from ksd.answers.printing import format_number
 from ksd.checks import show
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import State, carries_load
+from ksd.model.arrays import COROTATIONAL, State, carries_load
 from ksd.model.compile import Model, compile_scene
+from ksd.numerics.kernel import kernel
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solvers.arc_length import END_REACHED, follow_by_arc_length
 from ksd.solvers.configuration import Configuration
@@ -107,11 +108,34 @@ def _runs(model: Model) -> NDArray[np.int64]:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
+@cached_per_model
+def _buckling_bounds(model: Model) -> tuple[NDArray[np.int64], Array]:
+    """For every strain-mode leaf spring where the inner state has its force, and the square of the largest force [N^2] of
+    which no direction is a compression above `MAX_COMPRESSION`."""
+    groups = leaf_groups(model)
+    places = [group.inner_index[:, group.modes] for group in groups]
+    members = [group.members for group in groups]
+    bounds = np.square(MAX_COMPRESSION * _euler_forces(model))
+    return np.concatenate([np.zeros(0, np.int64), *places]), bounds[
+        np.concatenate([np.zeros(0, np.int64), *members])
+    ]
+
+
+@kernel
+def _has_larger_force(inner: Array, place: NDArray[np.int64], bound: Array) -> bool:
+    """Whether the square of any force inner[place[i]], inner[place[i] + 1], ... is above bound[i]."""
+    for i in range(len(place)):
+        at = place[i]
+        if inner[at] ** 2 + inner[at + 1] ** 2 + inner[at + 2] ** 2 > bound[i]:
+            return True
+    return False
+
+
 def compression(model: Model, motion: State) -> float:
     """Largest compression of a leaf spring along its chord over pi^2 EI / L^2; 0 where it is below `MAX_COMPRESSION`."""
-    wrenches, euler = end_wrenches(model, motion)[:, :3], _euler_forces(model)
-    if not (np.square(wrenches).sum(axis=1) > np.square(MAX_COMPRESSION * euler)).any():
+    if COROTATIONAL not in model.kinds and not _has_larger_force(motion.inner, *_buckling_bounds(model)):
         return 0.0
+    wrenches, euler = end_wrenches(model, motion)[:, :3], _euler_forces(model)
     d = end_frames(model, motion, slice(None)).d
     along = -(wrenches * d).sum(axis=1) / np.linalg.norm(d, axis=1)
     largest = float((along / euler).max())
@@ -347,10 +371,11 @@ def settle_order(found: Configuration, order: Order, joints: JointMotionReader |
     A note says where the orders end apart; a result of condensed joints, which have one branch, is doubted where it is
     elsewhere. joints: see `ksd.solvers.conventional.solve_conventional`.
     """
-    model, target = found.model, found.model.targets(found.targets)
-    if not (carries_load(model.arrays) and target.any() and compression(model, found.motion)):
+    model = found.model
+    if not (carries_load(model.arrays) and compression(model, found.motion)):
         return found
-    if not is_solved(found):
+    target = model.targets(found.targets)
+    if not (target.any() and is_solved(found)):
         return found
     paths = [follow_in_order(model, target, name) for name in _by_preference(order)[:2]]
     end = next((path for path in paths if path.is_regular), None)

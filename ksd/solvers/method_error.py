@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ksd.answers.derived import cached_per_model
 from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.newton import check_residual, take_step
+from ksd.numerics.kernel import kernel
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solvers.five_steps import FiveStepsStorage, full_equilibrium_step
 from ksd.solvers.steps import ErrorEstimate, Step, Stop
@@ -69,39 +69,49 @@ def _has_moved(b: FiveStepsStorage) -> bool:
 
 def newton_step_error(model: Model, motion: State, step: np.ndarray) -> ErrorEstimate:
     """A Newton step (n,) as the error of the state from which it leads."""
-    force = np.abs(step[model.arrays.terms.start[: len(model.drive_names)]])
-    moves = step[_link_unknowns(model)]
-    shift, turn = np.sqrt(np.einsum("kij,kij->ki", moves, moves).max(axis=0, initial=0.0)).tolist()
-    return _relative_to_state(model, motion, force, shift, turn)
+    arrays, force = model.arrays, np.empty(len(model.drive_names))
+    sizes = _step_sizes(
+        model.links, arrays.start, arrays.terms.start, step, motion.x, model.rest.x, motion.multiplier, force
+    )
+    return ErrorEstimate(force, *sizes)
 
 
-@cached_per_model
-def _link_unknowns(model: Model) -> np.ndarray:
-    """Unknowns of the displacement and the rotation of every link, (links - 1, 2, 3)."""
-    return (model.arrays.start[1 : model.links, None] + np.arange(6)).reshape(-1, 2, 3)
+@kernel
+def _step_sizes(
+    links: int, start: np.ndarray, row: np.ndarray, step: np.ndarray, x: np.ndarray, rest: np.ndarray,
+    multiplier: np.ndarray, force: np.ndarray,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Write the errors of the drive forces into force (d,), and return those of displacement, rotation, and relative to the
+    state, inf where it is not finite: see `ErrorEstimate`.
 
-
-def _relative_to_state(
-    model: Model, motion: State, force: np.ndarray, shift: float, turn: float
-) -> ErrorEstimate:
-    """Error estimate with absolute errors made relative: by the drive forces, and by the largest link displacement."""
-    links = model.links
-    moved = float(np.abs(motion.x[:links] - model.rest.x[:links]).max())
-    errors, scales = force.tolist(), [abs(m) for m in motion.multiplier.tolist()[: len(force)]]
-    largest = max(scales, default=0.0)
-    # nan must not be lost: it is not a small error
-    ratios = [e / max(s, largest, 1e-300) for e, s in zip(errors, scales, strict=True)]
-    ratios.append(shift / max(moved, 1e-300))
-    relative = math.nan if any(math.isnan(r) for r in ratios) else max(ratios)
-    return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
+    start (k,), row (c,): unknowns of nodes and multipliers in the step (n,); x, rest (k, 3): places now and at rest.
+    """
+    shift, turn, moved, error, largest, total = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(1, links):
+        u, square, angle = start[k], 0.0, 0.0
+        for r in range(3):
+            square += step[u + r] ** 2
+            angle += step[u + 3 + r] ** 2
+            moved = max(moved, abs(x[k, r] - rest[k, r]))
+        shift, turn, total = max(shift, square), max(turn, angle), total + square + angle
+    for i in range(len(force)):
+        force[i] = abs(step[row[i]])
+        error, largest, total = max(error, force[i]), max(largest, abs(multiplier[i])), total + force[i]
+    shift, turn = math.sqrt(shift), math.sqrt(turn)
+    relative = max(error / max(largest, 1e-300), shift / max(moved, 1e-300))
+    # the sum, because the largest of some numbers may lose nan, which is not a small error
+    return shift, turn, relative if math.isfinite(total) else math.inf
 
 
 def error_to_stored_state(motion: State, b: FiveStepsStorage, stored: ErrorEstimate) -> ErrorEstimate:
     """Distance of a state to the full state in storage, plus the error estimate `stored` of the latter."""
     force, shift, turn = _difference(b.model, motion, b.full_state)
-    return _relative_to_state(
-        b.model, motion, force + stored.force, shift + stored.displacement, turn + stored.rotation
-    )
+    force, shift, turn = force + stored.force, shift + stored.displacement, turn + stored.rotation
+    moved = float(np.abs(motion.x - b.model.rest.x)[: b.model.links].max())
+    largest = float(np.abs(motion.multiplier[: len(force)]).max(initial=0.0))
+    relative = max(float(force.max(initial=0.0)) / max(largest, 1e-300), shift / max(moved, 1e-300))
+    is_known = math.isfinite(float(force.sum()) + shift)
+    return ErrorEstimate(force, shift, turn, relative if is_known else math.inf)
 
 
 def relative_error(model: Model, motion: State, exact: State) -> ErrorEstimate:

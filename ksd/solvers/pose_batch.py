@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.elements.linear import LINEAR_INNER
 from ksd.joints.intended_motions import intended_motions
 from ksd.joints.substructures import relative_poses
 from ksd.model.newton import CONVERGED, RTOL, solve_equilibrium
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotate, rotation_log
 from ksd.solvers.five_steps import (
-    CONDENSED_SIZE,
     FiveStepsStorage,
     close_joints,
     read_answer_motions,
@@ -199,7 +199,7 @@ def solve_tabulated_poses(
     joints, max_gap = len(loops.node), gap * b.bodies.reduced.size
     previous, offset, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
     low, span = limits[first, 2], limits[first, 3] - limits[first, 2]
-    inner = reduced.inner[: CONDENSED_SIZE * joints].reshape(joints, CONDENSED_SIZE)
+    inner = reduced.inner[: LINEAR_INNER * joints].reshape(joints, LINEAR_INNER)
     for n, target in enumerate(targets):
         closed, step = False, target - targets[n - 1]
         if n and status[n - 1] == 0 and step @ step < MAX_NEIGHBOUR_DISTANCE * (target @ target):

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ksd.checks import boolean, clear_argument_errors, name_hint, number, show, whole_number
-from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.joints.joints import joint_bodies
 from ksd.library import Record, find_record
 from ksd.library.record_files import find_record_file
@@ -39,13 +39,10 @@ from ksd.solvers.full_bodies import error_indicator
 from ksd.solvers.joint_motions import JointMotionReader
 from ksd.solvers.loading_order import Order, check_order, settle_order, solve_in_order
 from ksd.solvers.method_choice import (
-    FEWEST_ITERATIONS,
-    FEWEST_ITERATIONS_IN_PLANE,
     FIVE_STEPS,
+    LOAD_STEPS,
     ONE_STEP,
     TRIALS,
-    WORTH,
-    WORTH_IN_PLANE,
     MethodChoice,
 )
 from ksd.solvers.method_error import relative_error
@@ -374,15 +371,14 @@ class Solver:
         """
         words = (values, method, accuracy, relinearisations, estimate, start)
         with self.lock:
-            clock, known = Stopwatch(), self._choice
+            clock = Stopwatch()
             found, first = self._answer(*words), clock()
-            kind = (found.method, self.model.kinds, self.planar)
-            if kind not in _LOADED and found.iterations <= MAX_REPEATED:
-                # times of the first solve tell nothing about the methods
-                self._choice = known
-                found = self._answer(*words)
-                found = replace(found, kernel_time=max(first - clock(), 0.0))
-            _LOADED.add(kind)
+            kind = self._kind(found)
+            if kind not in _LOADED:
+                _LOADED.add(kind)
+                if found.iterations <= MAX_REPEATED:
+                    found = self._answer(*words)
+                    found = replace(found, kernel_time=max(first - clock(), 0.0))
             return found
 
     def _answer(
@@ -626,65 +622,75 @@ class Solver:
     def _fastest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
         """Solve by the faster way (`ksd.solvers.method_choice`) to `accuracy`, by the other one where it fails, and by the
         conventional solver last."""
-        if self._choice is None:
-            few = len(self.model.scene.joints) == 1 or self._is_planar
+        choice, is_planar = self._choice, self._is_planar
+        if choice is None:
+            few = len(self.model.scene.joints) == 1 or is_planar
             coarse = self._refused is None and self._record_error > accuracy
-            self._choice = MethodChoice(ONE_STEP if few else FIVE_STEPS, rejected=TRIALS * coarse)
-        way, why = self._choice.next
-        clock = Stopwatch()
-        if way == ONE_STEP and (self._is_planar or self._refused is None):
-            clock()
-            found = self._in_one_step(values)
+            choice = MethodChoice(
+                ONE_STEP if few else FIVE_STEPS, in_plane=is_planar, rejected=TRIALS * coarse
+            )
+            self._choice = choice
+        way, why = choice.next
+        clock, reason = Stopwatch(), self._refused or ""
+        if way == ONE_STEP and (is_planar or self._refused is None):
+            found = self._in_one_step(values, why)
             if found is not None:
-                worth = WORTH_IN_PLANE if self._is_planar else WORTH
-                self._choice = self._choice.told(ONE_STEP, clock(), iterations=found.iterations, worth=worth)
-                return _with_reason(found, why)
-            self._choice = self._choice.told(ONE_STEP, math.inf)
+                self._tell(choice, ONE_STEP, clock(), found)
+                return found
+            choice.told(ONE_STEP, math.inf)
             why = "chosen because one load step failed"
-        if self._refused is not None:
-            reason: KsdError | str = self._refused
-        else:
+        if way == LOAD_STEPS:
+            choice.by_neither()
+        elif self._refused is None:
             clock()
             try:
-                found = self._by_five_steps(values, accuracy, self._choice.needs_full)
-                time, iteration = clock(), [s.time for s in found.steps if s.name == "error estimate"]
-                worth = FEWEST_ITERATIONS_IN_PLANE if self._is_planar else FEWEST_ITERATIONS
-                iterations = time / iteration[0] if iteration else math.inf
-                by_full = found.method != "reduced"
-                self._choice = self._choice.told(
-                    FIVE_STEPS, time, iterations=iterations, worth=worth, by_full=by_full
-                )
-                return _with_reason(found, why)
+                found = self._by_five_steps(values, accuracy, choice.needs_full, why)
+                self._tell(choice, FIVE_STEPS, clock(), found)
+                return found
             except (ConvergenceError, RangeError) as refused:
-                # the range is known after the first step, so that trying costs little
-                if not isinstance(refused, RangeError):
-                    self._choice = self._choice.told(FIVE_STEPS, math.inf)
-                reason = refused
+                choice.told(FIVE_STEPS, math.inf)
+                reason = str(refused)
         found = self.by_load_steps(values)
         return (
             replace(found, notes=(*found.notes, f"conventional solver used: {reason}")) if reason else found
         )
 
-    def _in_one_step(self, values: Mapping[str, float]) -> Configuration | None:
-        """The conventional result in one load step of few iterations; None where that does not end in a minimum."""
+    def _tell(self, choice: MethodChoice, way: str, time: float, found: Configuration) -> None:
+        """Tell the choice what a pose took, unless kernels were loaded in it, which tells nothing about the methods."""
+        if self._kind(found) in _LOADED:
+            choice.told(way, time, found.steps, by_full=found.method != "reduced")
+
+    def _kind(self, found: Configuration) -> tuple[str, frozenset[int], bool]:
+        """What decides which kernels a result needs."""
+        return found.method, self.model.kinds, self.planar
+
+    def _in_one_step(self, values: Mapping[str, float], chosen: str) -> Configuration | None:
+        """The conventional result in one load step of few iterations; None where that does not end in a minimum. chosen: see
+        `Step`."""
         try:
             found = solve_conventional(
                 self.model, values, planar=self.in_plane, max_iterations=MAX_ONE_STEP_ITERATIONS, smallest_step=1.0,
-                storage=self.storage, joints=self._joints,
+                storage=self.storage, joints=self._joints, chosen=chosen,
             )  # fmt: skip
         except (ConvergenceError, SceneError):
             return None
         return found if found.stable and not found.doubts else None
 
-    def _by_five_steps(self, values: Mapping[str, float], accuracy: float, needs_full: bool) -> Configuration:
+    def _by_five_steps(
+        self, values: Mapping[str, float], accuracy: float, needs_full: bool, chosen: str
+    ) -> Configuration:
         """The reduced result, corrected, or where its error is above `accuracy` the full one (needs_full: at once); or that
-        of load steps where loads are large and the two differ. Raises ConvergenceError, RangeError."""
+        of load steps where loads are large and the two differ. chosen: see `Step`. Raises ConvergenceError, RangeError."""
         target, method = self.model.targets(values), "full" if needs_full else "reduced"
-        words: dict[str, Any] = {"estimate": not needs_full, "accuracy": accuracy}
-        found = self.five_steps(values, target, method=method, relinearisations=0, **words)
+        words: dict[str, Any] = {"accuracy": accuracy, "chosen": chosen}
+        found = self.five_steps(
+            values, target, method=method, relinearisations=0, estimate=not needs_full, **words
+        )
         error = found.method_error
         if (error is not None and not error.relative <= accuracy) or not is_solved(found):
-            found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
+            found = self.five_steps(
+                values, target, method="full", relinearisations=1, estimate=False, **words
+            )
             verdict = solved_verdict(found)
             if not verdict:
                 raise ConvergenceError(str(verdict))
@@ -706,14 +712,6 @@ class Solver:
         return solve_in_order(
             self.model, values, order=self.order, storage=self.storage, planar=self.in_plane, joints=self._joints
         )  # fmt: skip
-
-
-def _with_reason(found: Configuration, why: str) -> Configuration:
-    """The result that says it was chosen, and in its last step why."""
-    *before, last = found.steps
-    return replace(
-        found, steps=(*before, last._replace(chosen=why)), method_was_chosen=found.method == "reduced"
-    )
 
 
 def _refuse_loose(found: Configuration) -> None:
