@@ -73,18 +73,10 @@ class Optimum(PrintableAnswer):
     start; table: every design; seconds: CPU time. robust: number of standard deviations by which limits of `job` are moved
     in and targets lowered; margins: the amounts by answer, in units of its column. proof: what shows that it is an optimum.
 
-    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
-    >>> def pivot(thickness):
-    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
-    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
-    ...     ))
-    >>> job = ksd.Job(
-    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
-    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
-    ... )
+    >>> job, _ = ksd.load_job("pivot_job", drives={"turn": "30deg"})
     >>> best = ksd.optimise(job)
-    >>> print(f"{best.status}: {best.merit / 1e3:.1f} N/mm")
-    optimum: 1369.1 N/mm
+    >>> print(f"{best.status}: {best.merit:.2f}")
+    optimum: 0.50
     """
 
     job: Job

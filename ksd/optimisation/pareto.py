@@ -46,18 +46,10 @@ class Front(PrintableAnswer):
     job: the job without these limits; against: column of the limited answer; limits (n,): limit at each point, the widest
     first; points: optimum at each point, None where there is none; status: "ok" or why there is none.
 
-    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
-    >>> def pivot(thickness):
-    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
-    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
-    ...     ))
-    >>> job = ksd.Job(
-    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
-    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
-    ... )
-    >>> front = ksd.pareto(job, against="stress_MPa", points=2, span=(300, 500))
-    >>> print([f"{point.merit / 1e3:.1f} N/mm" for point in front.points])
-    ['1369.1 N/mm', '564.7 N/mm']
+    >>> job, _ = ksd.load_job("pivot_job", drives={"turn": "30deg"})
+    >>> front = ksd.pareto(job, against="turn_moment_Nm", points=2, span=(1, 2))
+    >>> print([f"{point.merit:.2f}" for point in front.points])
+    ['0.50', '0.32']
     """
 
     job: Job
@@ -152,18 +144,10 @@ def pareto(
     Ctrl-C raises SweepInterrupted, with every design in its `.table`. Raises SceneError for wrong arguments, and what the
     first optimum raises.
 
-    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
-    >>> def pivot(thickness):
-    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
-    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
-    ...     ))
-    >>> job = ksd.Job(
-    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
-    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
-    ... )
-    >>> front = ksd.pareto(job, against="angle_moment_Nm", points=2, span=(0.05, 0.1))
+    >>> job, _ = ksd.load_job("pivot_job", drives={"turn": "30deg"})
+    >>> front = ksd.pareto(job, against="turn_moment_Nm", points=2, span=(1, 2))
     >>> front.limits, front.status
-    (array([0.1 , 0.05]), ('ok', 'ok'))
+    (array([2., 1.]), ('ok', 'ok'))
     """
     check_job(job)
     count = whole_number(points, "points", least=2)
@@ -216,8 +200,8 @@ def pareto(
 
         def improve(k: int, X: list[Array]) -> bool:
             """Search point k again from starts X; whether it is better then."""
-            found, own = point(k, X)[0], optima[k]
-            if found is None or (own is not None and relative_gain(found.merit, own.merit) <= BETTER_SHARE):
+            found = point(k, X)[0]
+            if found is None or not _is_better(found, optima[k]):
                 return False
             optima[k], status[k] = found, OK
             return True
@@ -234,10 +218,8 @@ def pareto(
                 improve(k, extra)
         # a tighter limit gives no better optimum: where it seems to, the wider one is searched again from there
         for k in reversed(range(count - 1)):
-            own, tighter = optima[k], optima[k + 1]
-            if tighter is not None and (
-                own is None or relative_gain(tighter.merit, own.merit) > BETTER_SHARE
-            ):
+            tighter = optima[k + 1]
+            if tighter is not None and _is_better(tighter, optima[k]):
                 improve(k, [np.array(list(tighter.design.values()))])
         # and where a point is better than before, so may be those beyond it
         for k in range(1, count):
@@ -245,6 +227,11 @@ def pareto(
             if wider is not None and (own is None or own.status != OPTIMUM):
                 improve(k, [np.array(list(wider.design.values()))])
     return Front(told, against, limits, tuple(optima), tuple(status))
+
+
+def _is_better(one: Optimum, other: Optimum | None) -> bool:
+    """Whether an optimum is better than another by more than counts, or there is no other."""
+    return other is None or relative_gain(one.merit, other.merit) > BETTER_SHARE
 
 
 def _next_start(problem: ScaledProblem, optima: list[Optimum | None]) -> Array:

@@ -38,17 +38,6 @@ INFINITE_ANSWER_MARGIN = 10.0
 """Margin of an answer that is infinite, because nothing moves or nothing buckles: it never binds."""
 VIOLATION_PENALTY = 10.0
 """Weight of the sum of violations, in logarithms, in the fitness of a design."""
-STATE = (
-    "evaluated",
-    "raw_slopes",
-    "best_feasible",
-    "last_valid",
-    "edges",
-    "target_size",
-    "zero_sizes",
-    "rule_sizes",
-)
-"""Attributes of `ScaledProblem` that a search changes."""
 
 
 class DesignFailed(Exception):
@@ -123,8 +112,8 @@ class ScaledProblem:
 
     @property
     def state(self) -> dict[str, Any]:
-        """What the problem has found, and its sizes."""
-        return {name: getattr(self, name) for name in STATE}
+        """What the problem has found, and its sizes: all but what it was made of."""
+        return {k: v for k, v in vars(self).items() if k not in ("job", "log", "label", "on_new_design")}
 
     @state.setter
     def state(self, found: dict[str, Any]) -> None:
