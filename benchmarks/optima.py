@@ -677,7 +677,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         waited += 1
         if seed in done or time.monotonic() > end:
             continue
-        row = one_job(seed, near, far, asked.cost, others=waited > EVERY)
+        others = waited > EVERY and not asked.quick
+        row = one_job(seed, near, far, asked.cost, others=others)
         if "left" in row:
             print(seed, row["left"], flush=True)
             continue
