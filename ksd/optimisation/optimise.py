@@ -64,20 +64,8 @@ class _StartRun(NamedTuple):
     seconds: float
 
 
-class _WorkerRun(NamedTuple):
-    """A `_StartRun` as a worker process returns it: without the problem itself, but with all that it found.
-
-    state: `ScaledProblem.state`; entries: designs and slopes of the log that are new; rows: those of the log.
-    """
-
-    result: StartResult
-    y: Array
-    seconds: float
-    state: dict[str, Any]
-    entries: dict[Any, Any]
-    rows: dict[str, Row]
-
-
+_WorkerRun = tuple[_StartRun, dict[Any, Any], dict[str, Row]]
+"""The run of a worker, designs and slopes of its log that are new, and the rows of its log."""
 ProgressCallback = Callable[[ScaledProblem, int], None]
 """Function called after every new design, with its problem and the number of starts that are done."""
 
@@ -309,11 +297,11 @@ def _run_starts(
     ]
     collected: list[Future[_WorkerRun]] = []
     try:
-        for future, label in zip(futures, labels, strict=True):
-            yield _collect(job, future, log, label)
+        for future in futures:
+            yield _collect(job, future, log)
             collected.append(future)
     except BaseException:
-        for future, label in zip(futures, labels, strict=True):
+        for future in futures:
             # designs of the other starts that are done are kept
             if (
                 future not in collected
@@ -321,7 +309,7 @@ def _run_starts(
                 and future.done()
                 and future.exception() is None
             ):
-                _collect(job, future, log, label)
+                _collect(job, future, log)
         log.add_from_file(known)
         raise
 
@@ -334,16 +322,15 @@ def _run_start_in_worker(job: Job, x: Array, method: str, label: str, file: Resu
         log.file.path = None
     run = _run_start(ScaledProblem(job, log, label), x, method, time.thread_time)
     entries = {k: rows for k, rows in log.file.entries.items() if k in log.rows or k not in known}
-    return _WorkerRun(run.result, run.y, run.seconds, run.problem.state, entries, log.rows)
+    return run, entries, log.rows
 
 
-def _collect(job: Job, future: Future[_WorkerRun], log: DesignLog, label: str) -> _StartRun:
+def _collect(job: Job, future: Future[_WorkerRun], log: DesignLog) -> _StartRun:
     """The run of a worker, with its designs added to the log."""
-    run = future.result()
-    log.add_from_worker(run.entries, run.rows)
-    problem = ScaledProblem(job, log, label)
-    problem.state = run.state
-    return _StartRun(run.result, run.y, problem, run.seconds)
+    run, entries, rows = future.result()
+    log.add_from_worker(entries, rows)
+    run.problem.job, run.problem.log = job, log
+    return run
 
 
 def _run_start(

@@ -89,7 +89,7 @@ class ScaledProblem:
         log: DesignLog,
         label: str,
         *,
-        on_new_design: Callable[[ScaledProblem], None] = lambda problem: None,
+        on_new_design: Callable[[ScaledProblem], None] | None = None,
     ) -> None:
         self.job, self.log, self.label, self.on_new_design = job, log, label, on_new_design
         low, high = job.bounds.T
@@ -110,14 +110,9 @@ class ScaledProblem:
         self.zero_sizes = np.ones(len(self.sides))
         self.rule_sizes = np.ones(len(job.rule_names))
 
-    @property
-    def state(self) -> dict[str, Any]:
-        """What the problem has found, and its sizes: all but what it was made of."""
-        return {k: v for k, v in vars(self).items() if k not in ("job", "log", "label", "on_new_design")}
-
-    @state.setter
-    def state(self, found: dict[str, Any]) -> None:
-        self.__dict__.update(found)
+    def __getstate__(self) -> dict[str, Any]:
+        """What a worker returns: all but the log, which is that of the calling process again."""
+        return {k: v for k, v in vars(self).items() if k != "log"}
 
     @cached_property
     def rule_scales(self) -> Array:
@@ -169,7 +164,8 @@ class ScaledProblem:
             for (y, _, rules), values, status in zip(new, *found, strict=True):
                 if status == OK and not np.isnan(values).any():
                     self._add(y, values, rules)
-            self.on_new_design(self)
+            if self.on_new_design is not None:
+                self.on_new_design(self)
         return [self.evaluated.get(y.tobytes()) for y in Y]
 
     def _add(self, y: Array, values: Array, rules: Array) -> None:
