@@ -52,6 +52,11 @@ BAND_RATIO = 3.0
 """Lowest frequency left out over the highest asked for, where the number of modes is chosen."""
 
 
+def vibration_inputs(scene: Any) -> tuple[str, ...]:
+    """What may excite vibrations: drives, loads and the base."""
+    return (*(d.name for d in scene.drives), *(load.name for load in scene.loads), *BASE_INPUTS)
+
+
 @dataclass(frozen=True)
 class Plant:
     """Modal model between inputs and outputs about a pose.
@@ -403,7 +408,7 @@ def make_plant(
     """
     scene, drives = model.scene, model.drive_names
     sensors, loads = {s.name: s for s in scene.sensors}, {load.name: load for load in scene.loads}
-    chosen = _choose_names("inputs", inputs, drives, (*drives, *loads, *BASE_INPUTS))
+    chosen = _choose_names("inputs", inputs, drives, vibration_inputs(scene))
     seen = _choose_names("outputs", outputs, tuple(sensors) or drives, (*sensors, *drives))
     both = next((name for name in seen if name in sensors and name in drives), None)
     if both is not None and outputs is not None:

@@ -20,7 +20,7 @@ from ksd.answers.internal_stress import Misplaced, internal_stress
 from ksd.answers.link_forces import LinkForces, link_forces
 from ksd.answers.modal_stress import modal_stress
 from ksd.answers.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
-from ksd.answers.plant import BASE_INPUTS, Damping, Plant, make_plant
+from ksd.answers.plant import Damping, Plant, make_plant, vibration_inputs
 from ksd.answers.printing import render_text
 from ksd.answers.shape import Shape, mechanism_shape
 from ksd.answers.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
@@ -282,10 +282,7 @@ class Configuration(NotebookTables, EstimatedResult, metaclass=_WithoutInside):
         psd: one-sided spectra by input, points (frequency [Hz], density [unit^2/Hz]), such as {"base y": [(1, 1e-3), (200,
         1e-3)]}, straight between points on logarithmic axes. Other arguments as in `response`.
         """
-        known = (
-            *self.model.drive_names, *(load.name for load in self.model.scene.loads), *BASE_INPUTS,
-        )  # fmt: skip
-        spectra = check_spectra(psd, known)
+        spectra = check_spectra(psd, vibration_inputs(self.model.scene))
         highest = max(float(rows[-1, 0]) for rows in spectra.values())
         plant = self.plant(
             inputs=tuple(spectra),

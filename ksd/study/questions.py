@@ -14,7 +14,7 @@ import numpy as np
 from ksd.answers.extent import clearance, common_extent, leaf_extents, why_no_clearance
 from ksd.answers.frequencies import Modes, frequencies
 from ksd.answers.parasitic import default_point, parasitic
-from ksd.answers.plant import BASE_INPUTS, check_damping, make_plant
+from ksd.answers.plant import check_damping, make_plant, vibration_inputs
 from ksd.answers.state_batch import LoadedState, StateBatch, group_states
 from ksd.answers.stiffness import (
     DIRECTIONS,
@@ -138,11 +138,6 @@ def check_questions(questions: Questions, scene: Any) -> None:
             raise SceneError(
                 f"psd of '{name}': this drive is held, and its force moves nothing; name it in freed"
             )
-
-
-def vibration_inputs(scene: Any) -> tuple[str, ...]:
-    """What may excite vibrations: drives, loads and the base."""
-    return (*(d.name for d in scene.drives), *(load.name for load in scene.loads), *BASE_INPUTS)
 
 
 def parse_questions(
