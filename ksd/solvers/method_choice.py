@@ -82,10 +82,10 @@ class MethodChoice:
         for way in (_other(self.first), self.first):
             rates = self.ways[way].rates
             if len(rates) < TRIALS and rates != [math.inf] and (rates or way != self.slower):
-                return way, "chosen to measure its time"
+                return way, "chosen to see how fast it is"
         slower = _other(self.faster)
         if self.poses >= self.retry and self.ways[slower].rates:
-            return slower, "chosen to measure its time again"
+            return slower, "chosen to see whether it is faster by now"
         if self.ways[self.faster].time == math.inf:
             return LOAD_STEPS, "chosen because faster ways failed on the last poses"
         return self.faster, "chosen as the fastest on the last poses"

@@ -57,7 +57,7 @@ def test_the_slower_way_is_tried_again_after_many_poses():
     for n in range(300):
         way, why = choice.next
         if way == FIVE_STEPS:
-            assert why == "chosen to measure its time again"
+            assert why == "chosen to see whether it is faster by now"
             tried.append(n)
             assert told(choice, (FIVE_STEPS, 0.5)).next[0] == FIVE_STEPS
         choice = told(choice, (way, 1.0 if way == ONE_STEP else 1.5))
