@@ -25,14 +25,15 @@ HALF_EULER = math.pi * math.sqrt(0.5)
 SWAY = HALF_EULER**3 / 12 / (2 * math.tan(HALF_EULER / 2) - HALF_EULER)
 """Sideways stiffness of a clamped and guided beam under half of its buckling load, over that without load."""
 
-SWING = 2 * math.pi * 19.637
-"""Angular frequency [rad/s] of the payload of `pick_and_place`, leaf springs included."""
+SWING, FOURBAR_SWING = 2 * math.pi * 19.637, 2 * math.pi * 37.61
+"""Angular frequencies [rad/s] of the payloads of `pick_and_place` and `fourbar_pick_and_place`, leaf springs included."""
 
 
-def left_over(acceleration) -> float:
-    """Amplitude [m] of an oscillator on a carriage after a stroke of .1 s: the integral of a(t) e^(i w t) over w."""
-    t = [(k + 0.5) * 1e-5 for k in range(10_000)]
-    return abs(sum(acceleration(one) * cmath.exp(1j * SWING * one) for one in t)) * 1e-5 / SWING
+def left_over(acceleration, duration=0.1, swing=SWING) -> float:
+    """Amplitude [m] of an oscillator on a carriage after a stroke: the integral of a(t) e^(i w t) over w."""
+    dt = 1e-4 * duration
+    t = [(k + 0.5) * dt for k in range(10_000)]
+    return abs(sum(acceleration(one) * cmath.exp(1j * swing * one) for one in t)) * dt / swing
 
 
 NOD = 2 * math.pi * math.radians(2) / 12e-3**2
@@ -94,6 +95,14 @@ NUMBERS = {
     "pick_and_place": {
         "cycloid": (left_over(lambda t: 2 * math.pi * 5 * math.sin(20 * math.pi * t)), 6e-2, "Fourier integral"),
         "trapezoid": (left_over(lambda t: 22.5 * ((t < 0.1 / 3) - (t > 0.2 / 3))), 1e-2, "Fourier integral"),
+    },
+    "fourbar_pick_and_place": {
+        "cycloid": (
+            left_over(lambda t: 6.4 * math.pi * math.sin(8 * math.pi * t), 0.25, FOURBAR_SWING), 2e-2, "Fourier integral"
+        ),
+        "trapezoid": (
+            left_over(lambda t: 14.4 * ((t < 0.25 / 3) - (t > 0.5 / 3)), 0.25, FOURBAR_SWING), 5e-2, "Fourier integral"
+        ),
     },
     "released_rod": {
         "x": (1.049328, 1e-4, "finite elements, extrapolated"),

@@ -20,7 +20,13 @@ from ksd.joints.joint_poses import pose_from_polynomials
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
-from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_rotate_gravity, skip_set_gravity
+from ksd.model.assembly import (
+    skip_add_weight,
+    skip_planar_loads,
+    skip_rotate_gravity,
+    skip_set_gravity,
+    skip_spatial_loads,
+)
 from ksd.model.compile import compile_scene
 from ksd.model.complementarity import _sweep, solve_complementarity, unknown_count
 from ksd.model.gaps import WRENCH
@@ -329,7 +335,8 @@ def test_solids():
 
 def test_without_weight_or_inertia_nothing_happens():
     for skip in (
-        skip_set_gravity, skip_add_weight, skip_leaf_gravity, skip_rotate_gravity, _skip_bodies, _skip_step_correction,
+        skip_set_gravity, skip_add_weight, skip_planar_loads, skip_spatial_loads, skip_rotate_gravity, _skip_bodies,
+        _skip_step_correction,
     ):  # fmt: skip
         words = len(inspect.signature(getattr(skip, "py_func", skip)).parameters)
         assert skip(*[None] * words) in (None, (0, 0.0, 0.0, 0))

@@ -12,7 +12,8 @@ width, in the same way, which is a leaf whose mass lies on two lines. The f_k ar
 
 Constants of such a leaf, at the end: Q_k (points, modes) = int_s^L mu P_k ds [kg], or mu rho_w P_k [kg] of a couple mode;
 c_k and N_k [kg]. Inner state after the wrench: f (3 modes), q^ (3 modes), and with material damping tau c1 and the known
-amplitudes. The store has before the gravity block the eliminated equations of f: (B, G) and the factors of their matrix.
+amplitudes. The store has before the gravity block the eliminated equations of f, in frame p, the factors of their matrix
+and scratch.
 
 Bodies keep the nine entries of R as places: P = tr(J)/2 I - J has the energy c0/2 tr((R - R^) P (R - R^)^T), whose moment is
 the axial vector of A - A^T, A = c0 R P R^^T, and tangent tr(A) I - (A + A^T)/2.
@@ -24,6 +25,11 @@ import numpy as np
 
 from ksd.elements.plate_energy import POINT_NUMBERS
 from ksd.numerics.kernel import kernel
+
+
+def inertia_store(D: int) -> int:
+    """Numbers that the inertia of D = 3 modes adds to the store of a leaf, without what a load of D modes adds."""
+    return D * (13 + D) + 3 * D + 144
 
 
 @kernel(inline="late")
@@ -81,15 +87,18 @@ def orthogonal_modes(points: np.ndarray, weight: np.ndarray, count: int) -> np.n
 def set_inertia_forces(number, is_planar, pose, state, store):
     """Write the force modes into the gravity block of a leaf, in its frame p."""
     modes = number[5] + number[6]
-    f, _ = inertia_places(number, is_planar)
-    f, o = f + 6, len(store) - 3 * modes * (10 + 3 * modes)
-    for k in range(modes):
+    at, _ = inertia_places(number, is_planar)
+    at, o = at + 6, len(store) - 3 * modes * (10 + 3 * modes)
+    for k in range(0, 3 * modes, 3):
+        x, y, z = state[at + k], state[at + k + 1], state[at + k + 2]
         for r in range(3):
-            store[o + 3 * k + r] = (
-                pose[r] * state[f + 3 * k]
-                + pose[3 + r] * state[f + 3 * k + 1]
-                + pose[6 + r] * state[f + 3 * k + 2]
-            )
+            store[o + k + r] = pose[r] * x + pose[3 + r] * y + pose[6 + r] * z
+
+
+@kernel(inline="late")
+def _component(axis, x, y, z):
+    """Component of the vector (x, y, z)."""
+    return x if axis == 0 else y if axis == 1 else z
 
 
 @kernel
@@ -104,135 +113,147 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
         dims -= 1
     turns, D, size = w - dims, 3 * modes, dims * modes
     wrench, c_at = inertia_places(number, is_planar)
-    f_at, known_at = wrench + 6, wrench + 6 + D
-    block = store[len(store) - D * (10 + D) :]
-    solved, width = len(store) - D * (10 + D) - D * (13 + D), 2 * w + 1
-    Y = store[solved : solved + size * width].reshape(size, width)
-    A = store[solved + 13 * D : solved + 13 * D + size * size].reshape(size, size)
-    # over the unknown motions of nodes a and b: X = V_f,xi, then the gradient; F: motions of f when node a turns
-    X, F, cols = np.empty((size, 2 * w)), np.zeros((size, 3)), np.empty(2 * w, np.int64)
-    m, lever, status = np.empty((6, 3)), np.empty((3, 3)), 0
-    for r in range(w):
-        cols[r], cols[w + r] = active[r], 6 + active[r]
-    for r in range(3):
-        lever[0, r], lever[1, r], lever[2, r] = pose[9 + r], pose[12 + r], pose[9 + r] - pose[15 + r]
-    for k in range(modes):
-        for d in range(dims):
-            g = 3 * active[d]
-            for half in range(2):
-                for r in range(3):
-                    m[3 + r, 0] = 0.0
-                    for e in range(dims):
-                        m[3 + r, 0] += block[3 * D + D * (3 * half + r) + 3 * k + e] * pose[g + e]
-                for r in range(3):
-                    m[half, r] = pose[3 * r] * m[3, 0] + pose[3 * r + 1] * m[4, 0] + pose[3 * r + 2] * m[5, 0]
-            u = dims * k + d
-            for e in range(dims):
-                X[u, e], X[u, w + e] = -m[0, active[e]], m[0, active[e]]
-            for e in range(turns):
-                r = active[dims + e] - 3
-                i, j = (r + 1) % 3, (r + 2) % 3
-                X[u, dims + e] = m[0, i] * lever[0, j] - m[0, j] * lever[0, i] - m[1, r]
-                X[u, w + dims + e] = m[0, j] * lever[1, i] - m[0, i] * lever[1, j] + m[1, r]
-                f = state[f_at + 3 * k : f_at + 3 * k + 3]
-                # f x e_r
-                if active[d] == i:
-                    F[u, e] = f[j]
-                elif active[d] == j:
-                    F[u, e] = -f[i]
-            for v in range(2 * w):
-                Y[u, v] = X[u, v]
-        for l in range(k + 1):
-            for d in range(dims):
-                g = 3 * active[d]
-                for e in range(dims):
-                    t = 0.0
-                    for h in range(dims):
-                        t += pose[g + h] * block[9 * D + D * (3 * k + h) + 3 * l + e]
-                    m[d, e] = t
-            for d in range(dims):
-                for e in range(dims):
-                    g, t = 3 * active[e], 0.0
-                    for h in range(dims):
-                        t += m[d, h] * pose[g + h]
-                    A[dims * k + d, dims * l + e] = t
-                    A[dims * l + e, dims * k + d] = t
-    for u in range(size):
-        for e in range(turns):
-            t = 0.0
-            for v in range(size):
-                t += A[u, v] * F[v, e]
-            Y[u, dims + e] += t
-    for e in range(turns):
-        row = active[dims + e]
-        for v in range(2 * w):
-            col, s, t = cols[v], 0.0, 0.0
-            for u in range(size):
-                s += F[u, e] * Y[u, v]
-                t += F[u, e] * X[u, v]
-            T[row, col] += s
-            T[col, row] += t
-    largest, P, O = 0.0, m[0], m[1]
+    known_at, width, status = wrench + 6 + D, 2 * w + 1, 0
+    # f and its equations in frame p: A their matrix, Y over the unknown motions of nodes a and b, then the gradient
+    block = len(store) - D * (10 + D)
+    Y = block - D * (13 + D)
+    # F: motions of f when node a turns; more: what is added to T; in the store, as a kernel that allocates an array counts
+    # the references of all
+    A, F, more = Y + 13 * D, Y - 3 * D, Y - 3 * D - 144
+    for r in range(4 * w * w):
+        store[more + r] = 0.0
+    w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
+    o0, o1, o2 = w0 - pose[15], w1 - pose[16], w2 - pose[17]
+    largest = 0.0
     for k in range(modes):
         c, N = value[c_at + k], value[c_at + modes + k]
-        f = state[f_at + 3 * k : f_at + 3 * k + 3]
-        largest, Of = max(largest, abs(f[0]) + abs(f[1]) + abs(f[2])), 0.0
-        for r in range(3):
-            P[r], O[r] = c * lever[2, r], c * lever[2, r]
-            for e in range(3):
-                P[r] += pose[3 * r + e] * block[D + 3 * k + e]
-                O[r] += pose[3 * r + e] * block[2 * D + 3 * k + e]
-            Of += O[r] * f[r]
-        for r in range(3):
-            i, j = (r + 1) % 3, (r + 2) % 3
-            force[r] -= c * f[r]
-            force[3 + r] -= P[i] * f[j] - P[j] * f[i]
-            T[3 + r, 3 + r] += Of
-            for e in range(3):
-                T[3 + r, 3 + e] -= 0.5 * (O[r] * f[e] + f[r] * O[e])
-        for d in range(dims):
-            g, u = active[d], dims * k + d
-            # the gradient by f_k
-            Y[u, 2 * w] = N * state[known_at + 3 * k + g] - c * xa[g] - P[g] - N * f[g] / c0
-            A[u, u] -= N / c0
-            Y[u, d] -= c
+        f0, f1, f2 = store[block + 3 * k], store[block + 3 * k + 1], store[block + 3 * k + 2]
+        largest = max(largest, abs(f0) + abs(f1) + abs(f2))
+        # first moments about node a, predicted and now
+        at, O0, O1, O2 = block + D + 3 * k, c * o0, c * o1, c * o2
+        P0, P1, P2 = O0, O1, O2
+        a0, a1, a2 = store[at], store[at + 1], store[at + 2]
+        P0 += pose[0] * a0 + pose[1] * a1 + pose[2] * a2
+        P1 += pose[3] * a0 + pose[4] * a1 + pose[5] * a2
+        P2 += pose[6] * a0 + pose[7] * a1 + pose[8] * a2
+        a0, a1, a2 = store[at + D], store[at + D + 1], store[at + D + 2]
+        O0 += pose[0] * a0 + pose[1] * a1 + pose[2] * a2
+        O1 += pose[3] * a0 + pose[4] * a1 + pose[5] * a2
+        O2 += pose[6] * a0 + pose[7] * a1 + pose[8] * a2
+        at = known_at + 3 * k
+        # the gradient by f_k without f, and f in global axes
+        d0 = N * state[at] - c * xa[0] - P0
+        d1 = N * state[at + 1] - c * xa[1] - P1
+        d2 = N * state[at + 2] - c * xa[2] - P2
+        g0 = pose[0] * f0 + pose[1] * f1 + pose[2] * f2
+        g1 = pose[3] * f0 + pose[4] * f1 + pose[5] * f2
+        g2 = pose[6] * f0 + pose[7] * f1 + pose[8] * f2
+        force[0] -= c * g0
+        force[1] -= c * g1
+        force[2] -= c * g2
+        force[3] -= P1 * g2 - P2 * g1
+        force[4] -= P2 * g0 - P0 * g2
+        force[5] -= P0 * g1 - P1 * g0
+        along = O0 * g0 + O1 * g1 + O2 * g2
+        T[3, 3] += along - O0 * g0
+        T[4, 4] += along - O1 * g1
+        T[5, 5] += along - O2 * g2
+        t = 0.5 * (O0 * g1 + O1 * g0)
+        T[3, 4], T[4, 3] = T[3, 4] - t, T[4, 3] - t
+        t = 0.5 * (O0 * g2 + O2 * g0)
+        T[3, 5], T[5, 3] = T[3, 5] - t, T[5, 3] - t
+        t = 0.5 * (O1 * g2 + O2 * g1)
+        T[4, 5], T[5, 4] = T[4, 5] - t, T[5, 4] - t
+        for e in range(dims):
+            u, p0, p1, p2 = dims * k + e, pose[e], pose[3 + e], pose[6 + e]
+            own, y, row = A + size * u, Y + width * u, block + 9 * D + D * (3 * k + e)
+            for l in range(modes):
+                for d in range(dims):
+                    store[own + dims * l + d] = store[row + 3 * l + d]
+            # V_f,xi in global axes
+            at = block + 3 * D + 3 * k + e
+            a0, a1, a2 = store[at], store[at + D], store[at + 2 * D]
+            b0, b1, b2 = store[at + 3 * D], store[at + 4 * D], store[at + 5 * D]
+            v0 = pose[0] * a0 + pose[1] * a1 + pose[2] * a2
+            v1 = pose[3] * a0 + pose[4] * a1 + pose[5] * a2
+            v2 = pose[6] * a0 + pose[7] * a1 + pose[8] * a2
+            m0 = pose[0] * b0 + pose[1] * b1 + pose[2] * b2
+            m1 = pose[3] * b0 + pose[4] * b1 + pose[5] * b2
+            m2 = pose[6] * b0 + pose[7] * b1 + pose[8] * b2
+            for r in range(dims):
+                t = _component(active[r], v0, v1, v2)
+                store[y + r], store[y + w + r] = -t, t
+            for r in range(dims, w):
+                axis = active[r] - 3
+                store[y + r] = _component(
+                    axis, v1 * w2 - v2 * w1 - m0, v2 * w0 - v0 * w2 - m1, v0 * w1 - v1 * w0 - m2
+                )
+                store[y + w + r] = _component(
+                    axis, v2 * s1 - v1 * s2 + m0, v0 * s2 - v2 * s0 + m1, v1 * s0 - v0 * s1 + m2
+                )
+            for r in range(dims, w):
+                # p.(f x e_r) = e_r.(p x f)
+                t = _component(active[r] - 3, p1 * g2 - p2 * g1, p2 * g0 - p0 * g2, p0 * g1 - p1 * g0)
+                store[F + 3 * u + r - dims] = t
+                for v in range(2 * w):
+                    store[more + 2 * w * r + v] += t * store[y + v]
+            store[y + 2 * w] = p0 * d0 + p1 * d1 + p2 * d2 - N * store[block + 3 * k + e] / c0
+            for r in range(dims):
+                store[y + r] -= c * _component(active[r], p0, p1, p2)
+            for r in range(dims, w):
+                store[y + r] += _component(
+                    active[r] - 3, p1 * O2 - p2 * O1, p2 * O0 - p0 * O2, p0 * O1 - p1 * O0
+                )
+    for u in range(size):
+        own, y = A + size * u, Y + width * u
+        for r in range(turns):
+            t = 0.0
+            for v in range(size):
+                t += store[own + v] * store[F + 3 * v + r]
+            store[y + dims + r] += t
             for e in range(turns):
-                r = active[dims + e] - 3
-                i, j = (r + 1) % 3, (r + 2) % 3
-                # O x e_r
-                if g == i:
-                    Y[u, dims + e] += O[j]
-                elif g == j:
-                    Y[u, dims + e] -= O[i]
+                store[more + 2 * w * (dims + e) + dims + r] += 0.5 * store[F + 3 * u + e] * t
+    for k in range(modes):
+        for u in range(dims * k, dims * k + dims):
+            store[A + (size + 1) * u] -= value[c_at + modes + k] / c0
     # elimination of f
     negatives = -size
     for u in range(size):
-        pivot = A[u, u]
+        own, y = A + size * u, Y + width * u
+        pivot = store[own + u]
         if pivot < 0.0:
             negatives += 1
         if not abs(pivot) > 0.0:
             status = 2
         for v in range(u + 1, size):
-            l = A[u, v] / pivot
+            l, other, z = store[own + v] / pivot, A + size * v, Y + width * v
             for t in range(v, size):
-                A[v, t] -= l * A[u, t]
+                store[other + t] -= l * store[own + t]
             for t in range(width):
-                Y[v, t] -= l * Y[u, t]
+                store[z + t] -= l * store[y + t]
     for u in range(size):
-        inverse = 1.0 / A[u, u]
-        A[u, u] = inverse
+        y, inverse = Y + width * u, 1.0 / store[A + (size + 1) * u]
+        store[A + (size + 1) * u] = inverse
         for a in range(2 * w):
-            l = inverse * Y[u, a]
-            force[cols[a]] -= l * Y[u, 2 * w]
-            for b in range(2 * w):
-                T[cols[a], cols[b]] -= l * Y[u, b]
+            l, row = inverse * store[y + a], more + 2 * w * a
+            for b in range(a):
+                store[row + b] -= l * store[y + b]
+            store[row + a] -= 0.5 * l * store[y + a]
+            force[active[a] if a < w else 6 + active[a - w]] -= l * store[y + 2 * w]
+    for a in range(2 * w):
+        row = active[a] if a < w else 6 + active[a - w]
+        for b in range(2 * w):
+            col, t = active[b] if b < w else 6 + active[b - w], store[more + 2 * w * a + b]
+            T[row, col] += t
+            T[col, row] += t
     # what is left of the equations of f
     change = 0.0
     for u in range(size - 1, -1, -1):
-        t = A[u, u] * Y[u, 2 * w]
+        t = store[Y + width * u + 2 * w]
         for v in range(u + 1, size):
-            t -= A[u, u] * A[u, v] * F[v, 0]
-        F[u, 0] = t
+            t -= store[A + size * u + v] * store[F + v]
+        t *= store[A + (size + 1) * u]
+        store[F + u] = t
         change = max(change, abs(t))
     return negatives, mass * change, mass * largest, status
 
@@ -246,31 +267,30 @@ def move_inertia_forces(active, w, number, is_planar, pose, move, state, scale, 
         dims -= 1
     D = 3 * modes
     f_at, _ = inertia_places(number, is_planar)
-    f_at, o = f_at + 6, len(store) - D * (10 + D)
-    change, solved, d = o + 9 * D + D * D, o - D * (13 + D), np.empty(3)
-    size, width = dims * modes, 2 * w + 1
-    Y = store[solved : solved + size * width].reshape(size, width)
-    A = store[solved + 13 * D : solved + 13 * D + size * size].reshape(size, size)
-    step = np.empty(size)
+    block, f_at = len(store) - D * (10 + D), f_at + 6
+    change, Y, size, width = block + 9 * D + D * D, block - D * (13 + D), dims * modes, 2 * w + 1
+    A = Y + 13 * D
+    # the step of f in frame p, where the change will be
+    for k in range(D):
+        store[change + k] = 0.0
     for u in range(size - 1, -1, -1):
-        s = -Y[u, 2 * w]
+        s = -store[Y + width * u + 2 * w]
         for a in range(w):
-            s -= Y[u, a] * move[active[a]] + Y[u, w + a] * move[6 + active[a]]
+            row = Y + width * u + a
+            s -= store[row] * move[active[a]] + store[row + w] * move[6 + active[a]]
         for v in range(u + 1, size):
-            s -= A[u, v] * step[v]
-        step[u] = A[u, u] * s
-    for k in range(modes):
-        d[:] = 0.0
-        f = state[f_at + 3 * k : f_at + 3 * k + 3]
-        f0, f1, f2 = f[0], f[1], f[2]
-        for u in range(dims):
-            d[active[u]] = step[dims * k + u]
-            f[active[u]] += scale * step[dims * k + u]
-        d[0] += f1 * move[5] - f2 * move[4]
-        d[1] += f2 * move[3] - f0 * move[5]
-        d[2] += f0 * move[4] - f1 * move[3]
+            s -= store[A + size * u + v] * store[change + 3 * (v // dims) + v % dims]
+        store[change + 3 * (u // dims) + u % dims] = store[A + size * u + u] * s
+    x = pose[0] * move[3] + pose[3] * move[4] + pose[6] * move[5]
+    y = pose[1] * move[3] + pose[4] * move[4] + pose[7] * move[5]
+    z = pose[2] * move[3] + pose[5] * move[4] + pose[8] * move[5]
+    for k in range(0, D, 3):
+        f0, f1, f2 = store[block + k], store[block + k + 1], store[block + k + 2]
+        d0, d1, d2 = store[change + k], store[change + k + 1], store[change + k + 2]
         for r in range(3):
-            store[change + 3 * k + r] = pose[r] * d[0] + pose[3 + r] * d[1] + pose[6 + r] * d[2]
+            state[f_at + k + r] += scale * (pose[3 * r] * d0 + pose[3 * r + 1] * d1 + pose[3 * r + 2] * d2)
+        store[change + k], store[change + k + 1] = d0 + f1 * z - f2 * y, d1 + f2 * x - f0 * z
+        store[change + k + 2] = d2 + f0 * y - f1 * x
 
 
 @kernel

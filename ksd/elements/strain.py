@@ -411,18 +411,24 @@ def _solve_modes(N, W, Y):
 
 
 @kernel
-def _substitute(N, W, Y, first):
-    """Overwrite three numbers per row, from number `first` on, of Y (N, n) with W^-1 Y, W factored by `_solve_modes`."""
+def _substitute(N, W, Y):
+    """Overwrite Y (N, n) with W^-1 Y, W factored by `_solve_modes`."""
+    n = Y.shape[1]
     for j in range(N):
         for c in range(j):
-            for e in range(first, first + 3):
-                Y[j, e] -= W[j, c] * Y[c, e]
+            l = W[j, c]
+            if l != 0.0:
+                for e in range(n):
+                    Y[j, e] -= l * Y[c, e]
     for j in range(N - 1, -1, -1):
-        for e in range(first, first + 3):
-            s = Y[j, e] / W[j, j]
-            for c in range(j + 1, N):
-                s -= W[c, j] * Y[c, e]
-            Y[j, e] = s
+        inverse = 1.0 / W[j, j]
+        for e in range(n):
+            Y[j, e] *= inverse
+        for c in range(j + 1, N):
+            l = W[c, j]
+            if l != 0.0:
+                for e in range(n):
+                    Y[j, e] -= l * Y[c, e]
 
 
 @kernel(inline="late")
@@ -492,43 +498,55 @@ def strain_gravity_block(value, number, inner, store, fields, lam, K):
     for i in range(N):
         for e in range(D):
             X[i, e] = eta[e, i]
+    _substitute(N, fields.W, X)
     for k in range(modes):
-        _substitute(N, fields.W, X, 3 * k)
-    for e in range(D):
-        k, c, s = e // 3, e % 3, 0.0
-        for g in range(ng):
-            M = value[beyond + modes * g + k]
-            w = value[0] * value[weight + g] * M
-            if k < forces:
-                s += w * v[g, c]
+        for c in range(3):
+            s = 0.0
+            for g in range(ng):
+                w = value[0] * value[weight + g] * value[beyond + modes * g + k]
+                s += w * (v[g, c] if k < forces else R[g + 1, c, 2])
+            store[block_at + 2 * D + 3 * k + c] = s
+    for g in range(ng):
+        for k in range(forces):
+            w = value[0] * value[weight + g] * value[beyond + modes * g + k]
+            for r in range(3):
+                for c in range(3):
+                    Z[r, 3 * k + c] += w * S[g, r, c]
+            for l in range(k + 1):
+                t = w * value[beyond + modes * g + l]
                 for r in range(3):
-                    Z[r, e] += w * S[g, r, c]
-                    for l in range(forces):
-                        G[3 * l + r, e] += w * value[beyond + modes * g + l] * S[g, r, c]
-            else:
-                s += w * R[g + 1, c, 2]
-        store[block_at + 2 * D + e] = s
+                    for c in range(3):
+                        G[3 * k + r, 3 * l + c] += t * S[g, r, c]
+    for i in range(N):
+        for r in range(3):
+            x, y = rho[r, i], psi[ng + 1, r, i]
+            for e in range(D):
+                Z[r, e] += x * X[i, e]
+                Z[3 + r, e] += y * X[i, e]
+        for r in range(D):
+            x = eta[r, i]
+            for e in range(r + 1):
+                G[r, e] += x * X[i, e]
+    rows, block = block_at + 3 * D, block_at + 9 * D
+    for e in range(D):
+        s = store[block_at + 2 * D + e]
         for i in range(N):
             s -= eta[e, i] * store[8 * i + 6]
-            for r in range(3):
-                Z[r, e] += rho[r, i] * X[i, e]
-                Z[3 + r, e] += psi[ng + 1, r, i] * X[i, e]
-            for r in range(D):
-                G[r, e] += eta[r, i] * X[i, e]
         for r in range(6):
             s += Z[r, e] * step[r]
         store[block_at + D + e] = s
-    for e in range(D):
-        for r in range(6):
+    for r in range(6):
+        for e in range(D):
             s = 0.0
             for k in range(6):
                 s -= K[r, k] * Z[k, e]
-            store[block_at + 3 * D + D * r + e] = s
-        for r in range(D):
+            store[rows + D * r + e] = s
+    for r in range(D):
+        for e in range(r + 1):
             s = -G[r, e]
             for k in range(6):
-                s -= Z[k, r] * store[block_at + 3 * D + D * k + e]
-            store[block_at + 9 * D + D * r + e] = s
+                s -= Z[k, r] * store[rows + D * k + e]
+            store[block + D * r + e], store[block + D * e + r] = s, s
 
 
 @kernel

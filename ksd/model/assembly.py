@@ -9,7 +9,7 @@ import numpy as np
 from ksd.elements import corotational, planar_leaf
 from ksd.elements.corotational_linearised import condense_linearised
 from ksd.elements.ends import member_norms, member_pose, member_tangent
-from ksd.elements.inertia import add_member_inertia, move_inertia_forces, set_inertia_forces
+from ksd.elements.inertia import move_inertia_forces, set_inertia_forces
 from ksd.elements.leaf_loads import add_member_loads, move_member_loads, set_member_loads
 from ksd.elements.linear import linear_condense
 from ksd.elements.modal import modal_condense, modal_recover
@@ -83,31 +83,36 @@ def condense_linear(kind, value, number, state, store, linearisation, counted, d
     return linear_condense(state, d, Q, lam, K, A, M)
 
 
-@kernel(inline="always")
-def set_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
-    """Set the gravity block of a strain-mode leaf with distributed loads, after it was condensed, in its store."""
-    if kind == STRAIN:
-        strain_gravity_block(value, number, state, store, leaf, lam, K)
-        if number[5] > GIVEN_MODES:
-            pressure_in_space(value, number, store, leaf, lam)
-    elif kind == PLANAR:
-        planar_leaf.gravity_block(value, number, state, store, lam)
-        if number[5] > GIVEN_MODES:
-            pressure_in_plane(value, number, state, store, lam, K)
+@kernel
+def set_spatial_loads(value, number, state, store, leaf, lam, K):
+    """Set the gravity block of a spatial leaf with distributed loads, after it was condensed, in its store."""
+    strain_gravity_block(value, number, state, store, leaf, lam, K)
+    if number[5] > GIVEN_MODES:
+        pressure_in_space(value, number, store, leaf, lam)
+
+
+@kernel
+def set_planar_loads(value, number, state, store, lam, K):
+    """`set_spatial_loads` of a planar leaf."""
+    planar_leaf.gravity_block(value, number, state, store, lam)
+    if number[5] > GIVEN_MODES:
+        pressure_in_plane(value, number, state, store, lam, K)
 
 
 @kernel(inline="always")
-def set_leaf_inertia(kind, value, number, state, store, leaf, lam, K):
-    """`set_leaf_gravity` in a time step."""
-    if kind == STRAIN:
-        strain_gravity_block(value, number, state, store, leaf, lam, K)
-    elif kind == PLANAR:
-        planar_leaf.gravity_block(value, number, state, store, lam)
+def set_planar_inertia(value, number, state, store, lam, K):
+    """`set_planar_loads` in a time step."""
+    planar_leaf.gravity_block(value, number, state, store, lam)
 
 
 @kernel(inline="always")
-def skip_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
-    """`set_leaf_gravity` for mechanisms without weight of members."""
+def skip_spatial_loads(value, number, state, store, leaf, lam, K):
+    """`set_spatial_loads` for mechanisms without weight of members."""
+
+
+@kernel(inline="always")
+def skip_planar_loads(value, number, state, store, lam, K):
+    """`set_planar_loads` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
@@ -138,71 +143,53 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 
 @kernel(inline="always")
-def set_gravity(ints, kind, number, pose, weight, i, factor, state, store):
+def set_gravity(is_planar, number, pose, weight, i, factor, state, store):
     """Write the distributed loads of a member, in its frame p, into its gravity block."""
-    set_member_loads(number, kind == PLANAR, pose, weight[i], factor, state, store)
+    set_member_loads(number, is_planar, pose, weight[i], factor, state, store)
 
 
 @kernel(inline="always")
-def add_weight(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
-    """Add the distributed loads of a condensed member to its tangent T (12, 12) and forces (12,) on both nodes, x (3,) the
-    place of the first. Returns as `ksd.elements.inertia.add_member_inertia`."""
-    change, heavy = add_member_loads(value, number, kind == PLANAR, pose, store, mass, T, force)
+def add_weight(active, w, c0, value, number, is_planar, xa, pose, state, store, mass, T, force):
+    """Add the distributed loads of a condensed member to its tangent T (12, 12) and forces (12,) on both nodes; arguments
+    and what is returned: `ksd.elements.inertia.add_member_inertia`."""
+    change, heavy = add_member_loads(value, number, is_planar, pose, store, mass, T, force)
     return 0, change, heavy, 0
 
 
 @kernel(inline="always")
-def rotate_gravity(ints, kind, number, pose, move, xi, state, scale, store):
+def rotate_gravity(ints, is_planar, number, pose, move, xi, state, scale, store):
     """Write the change of the distributed loads in frame p, when the nodes of a member move by move (12,) and its end q by
     xi (6,) relative to end p, into its gravity block."""
-    move_member_loads(number, kind == PLANAR, pose, move, xi, state, scale, store)
+    move_member_loads(number, is_planar, pose, move, xi, state, scale, store)
 
 
 @kernel(inline="always")
-def skip_set_gravity(ints, kind, number, pose, weight, i, factor, state, store):
+def skip_set_gravity(is_planar, number, pose, weight, i, factor, state, store):
     """`set_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
-def skip_add_weight(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
+def skip_add_weight(active, w, c0, value, number, is_planar, xa, pose, state, store, mass, T, force):
     """`add_weight` for mechanisms without weight of members."""
     return 0, 0.0, 0.0, 0
 
 
 @kernel(inline="always")
-def skip_rotate_gravity(ints, kind, number, pose, move, xi, state, scale, store):
+def skip_rotate_gravity(ints, is_planar, number, pose, move, xi, state, scale, store):
     """`rotate_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
-def set_inertia(ints, kind, number, pose, weight, i, factor, state, store):
+def set_inertia(is_planar, number, pose, weight, i, factor, state, store):
     """`set_gravity` in a time step."""
-    set_inertia_forces(number, kind == PLANAR, pose, state, store)
+    set_inertia_forces(number, is_planar, pose, state, store)
 
 
 @kernel(inline="always")
-def add_inertia(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
-    """`add_weight` in a time step."""
-    return add_member_inertia(
-        ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE], floats[ints[AT.rates]], value, number, kind == PLANAR, x, pose,
-        state, store, mass, T, force,
-    )  # fmt: skip
-
-
-@kernel(inline="always")
-def move_inertia(ints, kind, number, pose, move, xi, state, scale, store):
+def move_inertia(ints, is_planar, number, pose, move, xi, state, scale, store):
     """`rotate_gravity` in a time step."""
-    move_inertia_forces(
-        ints[ints[AT.active_dofs] :],
-        ints[DOFS_PER_NODE],
-        number,
-        kind == PLANAR,
-        pose,
-        move,
-        state,
-        scale,
-        store,
-    )
+    active, w = ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE]
+    move_inertia_forces(active, w, number, is_planar, pose, move, state, scale, store)
 
 
 @kernel(inline="always")
@@ -321,16 +308,16 @@ def allocate_leaf_scratch(ints):
 
 @kernel(inline="always")
 def add_members(
-    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf, factor, rtol,
-    noise, linearise, first,
+    condense, set_gravity, planar_loads, spatial_loads, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf,
+    factor, rtol, noise, linearise, first,
 ):  # fmt: skip
     """Add the members from number `first` on, with `factor` times their weight, to work.matrix and work.rhs.
 
-    condense, set_gravity, leaf_gravity, add_weight: kernels for the kinds of members of the mechanism. linearise 0: exact
-    tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.linearisation (paper 1,
-    section 3), and their inner states are set. A member in the same state as the previous one, such as the second outer leaf
-    of a cross flexure in its plane, copies its results. Returns (negative pivots, largest inner residual over its bound,
-    status).
+    condense, set_gravity, planar_loads, spatial_loads, add_weight: kernels for the kinds of members of the mechanism.
+    linearise 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in
+    work.linearisation (paper 1, section 3), and their inner states are set. A member in the same state as the previous one,
+    such as the second outer leaf of a cross flexure in its plane, copies its results; with weight or inertia also its
+    tangent, where both are on the same nodes. Returns (negative pivots, largest inner residual over its bound, status).
     """
     # local names, because every access to a field of a named tuple counts the references of an array
     pose, Q, d = scratch.pose, scratch.Q, scratch.d
@@ -345,6 +332,8 @@ def add_members(
     inner_at, store_at, block = ints[MEMBER.inner_at], ints[MEMBER.store_at], ints[MEMBER.block]
     negatives, worst, status = 0, 0.0, 0
     member_negatives, dn, dm, member_status = 0, 0.0, 0.0, 0
+    weight_negatives, df, heavy, weight_status = 0, 0.0, 0.0, 0
+    active, unknowns, c0 = ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE], floats[ints[AT.rates]]
     # counted angles of the springs, the last members, follow those of the constraint terms
     previous[0] = np.nan
     turns = ints[ints[TERM.first] + ints[ROWS]] - ints[LEAF_COUNT]
@@ -372,51 +361,60 @@ def add_members(
             is_equal = _equals_previous(
                 ints, i, inner, inner_previous, inner_start, state_size, d, Q, previous
             )
+        has_same_ends = False
         if has_weight:
             # gravity in the frame of the member is the same in equal frames
             for r in range(weight.shape[1]):
                 is_equal = is_equal and weight[i - 1, r] == weight[i, r]
             for r in range(9):
                 is_equal = is_equal and poses[i - 1, r] == pose[r]
+            has_same_ends = is_equal and a == ints[node + 2 * i - 2] and b == ints[node + 2 * i - 1]
+            for r in range(9, 18):
+                # across the plane there are no levers
+                if unknowns == 6 or r % 3 == active[0] or r % 3 == active[1]:
+                    has_same_ends = has_same_ends and poses[i - 1, r] == pose[r]
         state = inner[inner_start : inner_start + state_size]
+        member_store = store[store_start : store_start + store_size]
+        value = floats[ints[MEMBER.value] + ints[value_at + i] :]
         if is_equal and kind != TORSION:
             _copy(store, store_previous, store_start, store_size)
             if linearised:
                 _copy(inner, inner_previous, inner_start, state_size)
         else:
-            member_store = store[store_start : store_start + store_size]
             if has_weight:
-                set_gravity(ints, kind, number, pose, weight, i, factor, state, member_store)
-            value = floats[ints[MEMBER.value] + ints[value_at + i] :]
+                set_gravity(kind == PLANAR, number, pose, weight, i, factor, state, member_store)
             # leaf springs are not called by `condense`, as handing on their scratch counts references of two dozen arrays
             if kind == PLANAR:
                 member_negatives, dn, dm, member_status = planar_leaf.condense(
                     value, number, state, member_store, d, Q, lam, K
                 )
+                if has_weight:
+                    planar_loads(value, number, state, member_store, lam, K)
             elif kind == STRAIN:
                 member_negatives, dn, dm, member_status = strain_condense(
                     value, number, state, member_store, leaf, d, Q, lam, K
                 )
+                if has_weight:
+                    spatial_loads(value, number, state, member_store, leaf, lam, K)
             else:
                 member_negatives, dn, dm, member_status = condense(
                     kind, value, number, state, member_store,
                     linearisation[linearisation_at[i] : linearisation_at[i + 1] if linearised else linearisation_at[i]],
                     angle[max(turns + i, 0) :], d, Q, lam, K, A, M,
                 )  # fmt: skip
+        rounding = noise * floats[ints[MEMBER.stiffness_scale] + i]
+        if not has_same_ends:
+            member_tangent(pose, lam, K, T, force, A, M)
+            weight_negatives, df, heavy, weight_status = 0, 0.0, 0.0, 0
             if has_weight:
-                leaf_gravity(kind, value, number, state, member_store, leaf, lam, K)
-        member_tangent(pose, lam, K, T, force, A, M)
-        negatives += member_negatives
-        status = max(status, member_status)
-        df, heavy, rounding = 0.0, 0.0, noise * floats[ints[MEMBER.stiffness_scale] + i]
+                weight_negatives, df, heavy, weight_status = add_weight(
+                    active, unknowns, c0, value, number, kind == PLANAR, x[a], pose, state, member_store, weight[i, 0], T,
+                    force,
+                )  # fmt: skip
+        negatives += member_negatives + weight_negatives
+        status = max(status, member_status, weight_status)
         if has_weight:
-            more_negatives, df, heavy, weight_status = add_weight(
-                ints, floats, kind, floats[ints[MEMBER.value] + ints[value_at + i] :], number, x[a], pose, state,
-                store[store_start : store_start + store_size], weight[i, 0], T, force,
-            )  # fmt: skip
-            negatives += more_negatives
-            status = max(status, weight_status)
-            rounding += noise * weight[i, 0] * floats[ints[AT.rates]]
+            rounding += noise * weight[i, 0] * c0
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[MEMBER.length] + i]
         worst = max(

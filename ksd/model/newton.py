@@ -19,6 +19,8 @@ import math
 
 import numpy as np
 
+from ksd.elements.inertia import add_member_inertia
+from ksd.elements.strain import strain_gravity_block
 from ksd.model.arrays import (
     AT,
     CARRIED_NODES,
@@ -28,6 +30,7 @@ from ksd.model.arrays import (
     MEMBER,
     MEMBER_COUNT,
     NODES,
+    PLANAR,
     SETTINGS,
     STRAIN,
     TERM,
@@ -37,7 +40,6 @@ from ksd.model.arrays import (
     unflatten_workspace_kernel,
 )
 from ksd.model.assembly import (
-    add_inertia,
     add_members,
     add_weight,
     allocate_leaf_scratch,
@@ -53,12 +55,14 @@ from ksd.model.assembly import (
     rotate_gravity,
     set_gravity,
     set_inertia,
-    set_leaf_gravity,
-    set_leaf_inertia,
+    set_planar_inertia,
+    set_planar_loads,
+    set_spatial_loads,
     skip_add_weight,
-    skip_leaf_gravity,
+    skip_planar_loads,
     skip_rotate_gravity,
     skip_set_gravity,
+    skip_spatial_loads,
 )
 from ksd.model.follower_correction import correct_newton_step
 from ksd.model.loading import add_bodies, add_loads, add_terms
@@ -290,7 +294,7 @@ def _take_step(
         )
         kind, settings = ints[ints[MEMBER.kind] + i], ints[number : number + SETTINGS]
         if has_loads(weight, i, kind, settings):
-            rotate_gravity(ints, kind, settings, poses[i], move, xi, state, scale, member_store)
+            rotate_gravity(ints, kind == PLANAR, settings, poses[i], move, xi, state, scale, member_store)
         recover(kind, floats[ints[MEMBER.value] + value :], settings, state, member_store, xi, scale, move)
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
     if ints[CARRIED_NODES] > 0:
@@ -299,11 +303,12 @@ def _take_step(
 
 @kernel(inline="always")
 def _newton(
-    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step, keep, settles,
+    members, condense, set_gravity, planar_loads, spatial_loads, add_weight, recover, rotate_gravity, bodies, correct_step,
+    keep, settles,
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first eleven arguments are the kernels for the kinds of members and loads of the mechanism.
+    """See `newton`; the first twelve arguments are the kernels for the kinds of members and loads of the mechanism.
 
     `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
     """
@@ -329,8 +334,8 @@ def _newton(
             rhs[:] = 0.0
             scales[:, :] = 0.0
             member_negatives, worst, status = members(
-                condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf,
-                factor, rtol, noise, linearise, ints[LEAF_COUNT] if task == ASSEMBLE_NODES else 0,
+                condense, set_gravity, planar_loads, spatial_loads, add_weight, ints, floats, x, R, inner, angle, work,
+                scratch, leaf, factor, rtol, noise, linearise, ints[LEAF_COUNT] if task == ASSEMBLE_NODES else 0,
             )  # fmt: skip
             bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scales)
             if ints[LOADS] > 0:
@@ -487,8 +492,8 @@ def newton(
     `take_newton_step`).
     """
     return _newton(
-        add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, recover_leaf,
-        skip_rotate_gravity, _skip_bodies, _skip_step_correction, _keep_nothing, _never_settles,
+        add_members, condense_linear, skip_set_gravity, skip_planar_loads, skip_spatial_loads, skip_add_weight,
+        recover_leaf, skip_rotate_gravity, _skip_bodies, _skip_step_correction, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -501,7 +506,7 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
-        add_members, condense_beam, set_gravity, set_leaf_gravity, add_weight, recover_beam,
+        add_members, condense_beam, set_gravity, set_planar_loads, set_spatial_loads, add_weight, recover_beam,
         rotate_gravity, _skip_bodies, correct_newton_step, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
@@ -515,7 +520,7 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        add_members, condense_any, set_gravity, set_leaf_gravity, add_weight, recover_any,
+        add_members, condense_any, set_gravity, set_planar_loads, set_spatial_loads, add_weight, recover_any,
         rotate_gravity, _skip_bodies, correct_newton_step, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
@@ -529,7 +534,7 @@ def newton_motion(
 ):  # fmt: skip
     """`newton` for a time step (`ksd.elements.inertia`) of strain-mode leaves, linear bodies and springs."""
     return _newton(
-        add_members, condense_beam, set_inertia, set_leaf_inertia, add_inertia, recover_leaf,
+        add_members, condense_beam, set_inertia, set_planar_inertia, strain_gravity_block, add_member_inertia, recover_leaf,
         move_inertia, add_bodies, correct_newton_step, _keep_inner, _settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,

@@ -161,11 +161,27 @@ def solve_with_contact(
     )
     if record.stop is not Stop.CONVERGED:
         raise ConvergenceError(
-            f"the solver stopped at {100 * record.fraction_reached:.3g} % of the way, with contact: {record.stop.sentence}",
+            f"the solver stopped at {100 * record.fraction_reached:.3g} % of the way, with contact: "
+            f"{_pulled_too_far(found, values) or record.stop.sentence}",
             reached=record.fraction_reached,
             result=found,
         )
     return found
+
+
+def _pulled_too_far(found: Configuration, wanted: Mapping[str, float]) -> str:
+    """What to say where a tight cable that is shortened stopped the solver, all else open."""
+    assert found.touched is not None
+    reached, tight = found.touched.values, {n: c for n, c in found.cables.items() if c.force > 0.0}
+    wound = [n for n in tight if wanted[n] > reached[n]]
+    if not wound or np.count_nonzero(found.touched.forces[:, 0]) > len(tight):
+        return ""
+    name = wound[0]
+    return (
+        f"cable '{name}' cannot be shortened by {1e3 * wanted[name]:.4g} mm: at {1e3 * reached[name]:.4g} mm it pulls with "
+        f"{tight[name].force:.3g} N, and nothing gives way to make it shorter; shorten it less, or let it stretch "
+        "(stiffness=)"
+    )
 
 
 def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tuple[str, ContactNewton]]:

@@ -823,8 +823,8 @@ def _first_step(moving: MovingModel, start: State, words: Simulation, freed: Ite
         found = frequencies(moving.model, start, count=3, freed=tuple(freed)).frequency_Hz
     except (SceneError, KinematicsError):
         found = np.zeros(0)
-    lowest = float(found[found > 0.0].min(initial=math.inf))
-    return min(ramp, 1.0 / (lowest * STEPS_PER_PERIOD), words.until / STEPS_PER_PERIOD)
+    longest = float((1.0 / found[found > 0.0]).max(initial=0.0)) or math.inf
+    return min(ramp, longest / STEPS_PER_PERIOD, words.until / STEPS_PER_PERIOD)
 
 
 def _moving(model: Model, freed: Iterable[str], words: Simulation, *, spatial: bool = False) -> MovingModel:

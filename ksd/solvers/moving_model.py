@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.mass import member_leaves
-from ksd.elements.inertia import inertia_tables, orthogonal_modes
+from ksd.elements.inertia import inertia_store, inertia_tables, orthogonal_modes
 from ksd.elements.plate_energy import POINT_NUMBERS
 from ksd.elements.strain_uncondensed import quadrature_points
 from ksd.elements.strain_values import strain_value_count
@@ -283,7 +283,7 @@ def _with_leaf_inertia(
                 end += len(new)
             value_at[i], number[i, 5:7], modes[i] = at, counts, (counts[0], sum(counts))
             own += 2 * D + (1 + N) * (tau[i] > 0.0)
-            store[-1] += (4 if is_planar else 3) * loaded * sum(counts) + D * (10 + D) + D * (13 + D)
+            store[-1] += (4 if is_planar else 3) * loaded * sum(counts) + D * (10 + D) + inertia_store(D)
         inner_size.append(own)
         size += own
     padded = np.concatenate([[0], np.cumsum(inner_size)]).astype(np.int64)

@@ -9,6 +9,7 @@ from ksd.elements.ends import member_pose, member_tangent
 from ksd.elements.inertia import (
     add_body,
     add_member_inertia,
+    inertia_store,
     inertia_tables,
     move_inertia_forces,
     set_inertia_forces,
@@ -66,7 +67,7 @@ class Leaf:
             size = planar_leaf.store_size(orders[2]) + 4 * orders[2] * modes
         self.value, self.number, self.planar = np.concatenate([value, mass]), number.copy(), planar
         self.number[5:7] = counts
-        self.store = np.zeros(size + D * (10 + D) + D * (13 + D))
+        self.store = np.zeros(size + D * (10 + D) + inertia_store(D))
         self.fields = allocate_leaf_fields(N, points, modes)
         self.active = np.array([0, 1, 5]) if planar else np.arange(6)
         self.columns = np.concatenate([self.active, 6 + self.active])

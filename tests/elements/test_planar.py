@@ -206,13 +206,11 @@ class Heavy(Leaf):
     def condense(self, status=0):
         self.pull[:3] = self.g
         found = super().condense(status)
-        args = (
-            (self.kind.fields, self.wrench, self.stiffness)
-            if self.kind is not planar_leaf
-            else (self.wrench,)
-        )
-        follow = planar_leaf.gravity_block if self.kind is planar_leaf else strain_gravity_block
-        follow(self.value, self.number, self.inner, self.store, *args)
+        args = self.value, self.number, self.inner, self.store
+        if self.kind is planar_leaf:
+            planar_leaf.gravity_block(*args, self.wrench)
+        else:
+            strain_gravity_block(*args, self.kind.fields, self.wrench, self.stiffness)
         self.pull[36:] = 0.0
         return found
 

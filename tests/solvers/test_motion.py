@@ -402,6 +402,18 @@ def test_the_estimated_error_is_the_true_one():
         assert 0.5 < trace.error / off < 2.0
 
 
+def test_a_step_is_found_where_nothing_rings():
+    scene = ksd.Mechanism("sled", plane="xy")
+    sled = scene.link("sled", mass=2.0, inertia=(1e-3, 1e-3, 1e-3), at=(0, 0, 0))
+    scene.slider(sled, along="x", at=(0, 0, 0))
+    scene.load(sled, force=(4, 0, 0), at=(0, 0, 0), name="push")
+    words = {"accuracy": 1e-3, "loads": {"push": ksd.Ramp(0.1)}, "start": "undeformed"}
+    trace = motion(scene, 0.5, **words)
+    # the ramp of half a cosine, then a constant acceleration
+    end = 0.1**2 * (0.5 - 2 / np.pi**2) + 0.1 * 0.4 + 0.4**2
+    assert trace.position[-1, 1, 0] == pytest.approx(end, rel=1e-4)
+
+
 def test_small_motions_are_those_of_the_response():
     """Five frequencies at once, below and above that of the guide."""
     scene, frequencies = guide(), (2.0, 4.0, 7.0, 11.0, 17.0)

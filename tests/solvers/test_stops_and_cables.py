@@ -122,6 +122,12 @@ def test_a_tendon_through_a_guide_bends_a_finger():
     on_middle = rows["leaf.2", "middle"].force + rows["leaf", "middle"].force + T * (v - u)
     assert T > 1.0 and np.abs(on_tip).max() < 1e-7 * T and np.abs(on_middle).max() < 1e-7 * T
     assert pose.rotation("tip")[2] > 20 * deg
+    with pytest.raises(
+        ksd.ConvergenceError,
+        match=r"cable 'tendon' cannot be shortened by 100 mm: at \d\S* mm it pulls with \d\S* N, and nothing gives way to "
+        r"make it shorter; shorten it less, or let it stretch \(stiffness=\)",
+    ):
+        ksd.solve(scene, tendon=100 * mm)
 
 
 def random_scene(seed):
