@@ -164,7 +164,6 @@ if TYPE_CHECKING:
 
 _ROOMS = (
     "answers",
-    "bench",
     "export",
     "importing",
     "library",
