@@ -420,11 +420,13 @@ def _quadratic_factors(
         for _ in range(MAX_CORRECTIONS):
             a, b, c = (left @ (part @ right) for part in (pencil.curvature, pencil.change, pencil.K))
             turning = b * b - 4.0 * a * c
-            kept[i] = turning >= 0.0
-            last = factor[i]
             # the root that is -c/b without curvature
-            factor[i] = -2.0 * c / (b + np.copysign(np.sqrt(max(turning, 0.0)), b))
-            if not kept[i] or abs(factor[i] - last) <= MIN_CORRECTION * abs(last):
+            divisor = b + np.copysign(np.sqrt(max(turning, 0.0)), b)
+            kept[i] = turning >= 0.0 and divisor != 0.0
+            if not kept[i]:
+                break
+            last, factor[i] = factor[i], -2.0 * c / divisor
+            if abs(factor[i] - last) <= MIN_CORRECTION * abs(last):
                 break
             A, B = pencil.about(factor[i])
             inverse = splu((A + factor[i] * (1.0 + SHIFT_OFFSET) * B).tocsc())

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hard_scenes import right_angle
 from published_beams import CLAMPED, L, euler, strip
 from scenes import STEEL
 
@@ -102,6 +103,13 @@ def test_chains_say_what_their_stretch_leaves_out():
     loaded = ksd.solve(scene, mesh=chain).buckling(count=1)
     assert abs(0.01 * loaded.factor[0] - 1) == pytest.approx(loaded.stretch[0], rel=0.2)
     assert not ksd.solve(scene).buckling(count=1).stretch.any()
+
+
+def test_a_load_that_nothing_feels_has_no_factor():
+    """Across a planar frame: what is left of its effect is rounding."""
+    scene = right_angle(0.95)
+    found = ksd.solve(scene, strict=False).buckling("right", force=(0, 0, 1.0))
+    assert not len(found.factor)
 
 
 def test_dense_and_iterated_factors_of_a_short_wide_guide_agree(monkeypatch):
