@@ -300,14 +300,17 @@ def test_where_a_record_pays(script, monkeypatch):
 
 def test_the_verdict_on_the_chosen_method(script):
     chosen = script("chosen")
-    rows = [{"us": {"chosen": t, "full": 100.0, "conventional": 120.0}} for t in (100.0, *(9 * [105.0]))]
+    rows = [
+        {"us": {"chosen": t, "full": 100.0, "conventional": 120.0}, "ratio": t / 100.0}
+        for t in (100.0, *(9 * [105.0]))
+    ]
     found = chosen.verdict(rows)
     assert found["share_within_10_percent"] == 1.0 and found["worst"] == 1.05 and not found["met"]
     assert found["sum_us"] == {"chosen": 1045.0, "full": 1000.0, "conventional": 1200.0}
-    rows[0]["us"]["chosen"] = 160.0
+    rows[0]["us"]["chosen"], rows[0]["ratio"] = 160.0, 1.6
     found = chosen.verdict(rows)
     assert (found["above_1.5"], found["share_within_10_percent"]) == (1, 0.9)
-    rows[0]["us"] = {"chosen": 100.0, "full": 300.0, "conventional": 250.0, "reduced": 95.0}
+    rows[0] = {"us": {"chosen": 100.0, "full": 300.0, "conventional": 250.0, "reduced": 95.0}, "ratio": 1.05}
     assert chosen.verdict(rows)["met"]
 
 

@@ -350,6 +350,8 @@ def _largest_stretch(model: Model, motion: State, nodes: Array | None) -> float:
     """Largest stretch of an element of chains where the nodes move by `nodes` (n,), or by the own stresses (None)."""
     members = model.arrays.members
     count = len(members.kind)
+    if not count:
+        return 0.0
     if nodes is None:
         stresses = motion.inner[members.inner_at[1 : count + 1] - 6]
         longer = stresses / element_stiffnesses(model)[:, 0, 0]

@@ -406,7 +406,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         arrays, rest, work = model.arrays, model.rest, make_workspace(model.arrays)
         newton._newton.py_func(
             newton.add_members,
-            *6 * [None],
+            *7 * [None],
             newton._skip_bodies,
             *2 * [None],
             lambda step: False,

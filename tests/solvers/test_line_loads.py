@@ -384,8 +384,8 @@ def test_scene_file(tmp_path):
     assert read.scene() == scene.scene()
     assert "line load" in str(scene)
     text = (tmp_path / "strip.toml").read_text()
-    words = text.replace("force = [0.0, -2.0, 0.0]", 'force = ["0 N/m", "-2 mN/mm", "0 N/m"]')
-    words = words.replace("pressure = 4000.0", 'pressure = "40 mbar"').replace("end = 0.06", 'end = "60 mm"')
+    words = text.replace("force = [0, -2, 0]", 'force = ["0 N/m", "-2 mN/mm", "0 N/m"]')
+    words = words.replace("pressure = 4000", 'pressure = "40 mbar"').replace("end = 0.06", 'end = "60 mm"')
     assert words.count("mbar") == words.count("mN/mm") == words.count("60 mm") == 1
     (tmp_path / "words.toml").write_text(words)
     again = ksd.load_scene(tmp_path / "words.toml")[0].scene()
