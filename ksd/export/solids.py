@@ -6,9 +6,11 @@ of the circle. A link is not known but for what is clamped to it: its body is an
 
 from __future__ import annotations
 
+import ctypes
 import io
 import math
 import os
+import signal
 import sys
 import tempfile
 import zipfile
@@ -187,12 +189,25 @@ def mf_archive(bodies: list[Body]) -> bytes:
     return content.getvalue()
 
 
+def start_gmsh(gmsh: Any) -> None:
+    """Start gmsh, and have a broken pipe stay an exception of Python: gmsh would have it end the process without a word."""
+    broken_pipe = getattr(signal, "SIGPIPE", None)
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
+    get.argtypes, put.argtypes = [ctypes.c_int], [ctypes.c_int, ctypes.c_void_p]
+    get.restype = put.restype = ctypes.c_void_p
+    # not `signal.signal`, which only the main thread may call
+    before = None if broken_pipe is None else get(broken_pipe)
+    gmsh.initialize([], False, False, False)
+    if broken_pipe is not None:
+        put(broken_pipe, before)
+
+
 def _as_step(bodies: list[Body]) -> bytes:
     """Bodies in the format STEP, mm, fused; the list of their names is in the header."""
     gmsh = cad_package("gmsh", "STEP")
     if gmsh.isInitialized():
         raise SceneError("STEP: gmsh is in use in this process; call gmsh.finalize() first.")
-    gmsh.initialize([], False, False, False)
+    start_gmsh(gmsh)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         tags = [_step_solid(gmsh.model.occ, body) for body in bodies]

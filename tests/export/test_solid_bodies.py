@@ -1,14 +1,17 @@
 """Bodies: closed surfaces, volumes against closed forms, files read again by trimesh and gmsh."""
 
+import os
+import subprocess
 import sys
 
 import numpy as np
 import pytest
+from processes import environment
 
 import ksd
 from ksd.cli import main
 from ksd.export import write_bodies
-from ksd.export.solids import STEP_STATIONS, _step_solid, bodies_of
+from ksd.export.solids import STEP_STATIONS, _step_solid, bodies_of, start_gmsh
 from ksd.scene.toml_file import shipped_scenes
 from ksd.units import mm
 
@@ -75,13 +78,13 @@ def test_meshes_are_watertight_with_the_volume_of_sheets_and_links(kind, deforme
 @pytest.mark.parametrize("deformed", [True, False])
 def test_step_is_one_body_with_the_volume_that_was_fused(deformed, pose, tmp_path, capfd):
     gmsh = _gmsh()
-    gmsh.initialize([], False, False, False)
+    start_gmsh(gmsh)
     with pytest.raises(ksd.SceneError, match="gmsh is in use in this process"):
         write_bodies(pose, tmp_path / "a.step")
     gmsh.finalize()
     path = write_bodies(pose, tmp_path / "a.step", deformed=deformed)
     assert not capfd.readouterr().out
-    gmsh.initialize([], False, False, False)
+    start_gmsh(gmsh)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         fused = _fused(gmsh.model.occ, bodies_of(pose, deformed, STEP_STATIONS))
@@ -99,6 +102,24 @@ def test_step_is_one_body_with_the_volume_that_was_fused(deformed, pose, tmp_pat
     assert "sheet; wire; taper; arc; ground (its form is an idea)" in "".join(
         path.read_text().split("\n")[:9]
     )
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+@pytest.mark.parametrize("thread", [False, True])
+def test_after_a_step_file_a_broken_pipe_is_still_an_exception(thread):
+    """gmsh has the signal end the process without a word: after an export one that is gone would have ended ours."""
+    _gmsh()
+    code = (
+        "import os, threading; import gmsh; from ksd.export.solids import start_gmsh\n"
+        f"if {thread}:\n    one = threading.Thread(target=start_gmsh, args=(gmsh,)); one.start(); one.join()\n"
+        "else:\n    start_gmsh(gmsh)\n"
+        "gmsh.finalize(); read, write = os.pipe(); os.close(read)\n"
+        "try:\n    os.write(write, b'1')\nexcept BrokenPipeError:\n    print('an exception')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment()
+    )
+    assert (done.returncode, done.stdout.strip().split("\n")[-1]) == (0, "an exception"), done.stderr
 
 
 def _fused(occ, bodies):

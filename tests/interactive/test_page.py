@@ -182,11 +182,11 @@ def test_a_shape_swings_and_the_stroke_is_drawn_and_played(opened, gripper):
     page.get_by_text("solve the stroke first").wait_for()
     page.locator("button:has(i:text-is('show_chart'))").click()
     page.locator("canvas").nth(1).wait_for(timeout=60_000)
-    typed = page.locator("input.text-right").first
+    typed, drawn = page.locator("input.text-right").first, updates(page)
     typed.fill("5 deg")
     typed.press("Enter")
     # a new pose ends what is played
-    page.wait_for_function("n => window.ksdUpdates > n", arg=updates(page) - 1)
+    page.wait_for_function("n => window.ksdUpdates > n", arg=drawn)
     before = page.evaluate("window.ksdPlayed")
     play.click()
     page.wait_for_function("n => window.ksdPlayed > n + 5", arg=before, timeout=120_000)
