@@ -93,7 +93,9 @@ def exudyn(scene: Any, node: int, force: Any, ramp: float) -> Any:
                 held: Any = {"constrainedAxes": [1, 1, 0, 0, 0, 1], "rotationMarker0": turned}
                 mbs.AddObject(items.GenericJoint(markerNumbers=markers, **held))
         marker = mbs.AddMarker(items.MarkerNodePosition(nodeNumber=carried[node]))
-        mbs.AddLoad(items.Force(markerNumber=marker, loadVector=[*force, 0], loadVectorUserFunction=push))
+        mbs.AddLoad(
+            items.Force(markerNumber=marker, loadVector=[*force, 0], **{"loadVectorUserFunction": push})
+        )
         kind = exu.OutputVariableType.Displacement
         sensor = mbs.AddSensor(
             items.SensorNode(
@@ -101,7 +103,7 @@ def exudyn(scene: Any, node: int, force: Any, ramp: float) -> Any:
             )
         )
         mbs.Assemble()
-        settings = exu.SimulationSettings()
+        settings: Any = exu.SimulationSettings()
         settings.linearSolverType = exu.LinearSolverType.EigenSparse
         settings.solutionSettings.writeSolutionToFile = False
         settings.solutionSettings.sensorsWritePeriod = dt

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -210,9 +210,19 @@ def has_contacts(scene: Any) -> bool:
     return bool(scene.stops or scene.cables or scene.contacts)
 
 
+PARTS = "stops", "cables", "surfaces", "contacts"
+"""Fields of a scene with these parts."""
+
+
 def without_contacts(scene: Any) -> Any:
     """The scene without them."""
-    return replace(scene, stops=(), cables=(), surfaces=(), contacts=())
+    return replace(scene, **dict.fromkeys(PARTS, ()))
+
+
+def same_without_contacts(one: Any, other: Any) -> bool:
+    """Whether two scenes are the same without them."""
+    names = (field.name for field in fields(one) if field.name not in PARTS)
+    return all(getattr(one, name) == getattr(other, name) for name in names)
 
 
 def free_objects(scene: Any) -> list[str]:
@@ -263,5 +273,6 @@ def refuse_contacts(scene: Any) -> None:
         )
         raise SceneError(
             f"{kind} '{part.name}': stops, cables and contacts are known to ksd.solve, ksd.prepare, ksd.sweep, "
-            "ksd.gradient, ksd.Job and ksd.walk so far, and not to this; leave them out of the scene, or solve pose by pose."
+            "ksd.batch, ksd.gradient, ksd.Job and ksd.walk so far, and not to this; leave them out of the scene, or solve "
+            "pose by pose."
         )

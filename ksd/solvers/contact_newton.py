@@ -57,12 +57,17 @@ class ContactNewton:
         self.what, self.make = what, make
         self._build(model)
         arrays = self.arrays
-        most = int(what.pairs[:, BODY_COUNT].max(initial=0))
-        self.out = np.zeros((len(what.pairs), WRENCH + 18 * most))
         self.size = arrays.size
         stiffest = float(arrays.members.stiffness_scale.max(initial=0.0))
         self.stiff = 1e-4 * (stiffest or 1.0)
         self.noise = ROUNDING_MULTIPLE * np.finfo(float).eps * stiffest * arrays.size * min(1.0, arrays.size)
+        self.exchange(what, model)
+
+    def exchange(self, what: Touching, model: Model) -> None:
+        """Go over to other pairs of the same bodies; model: the same mechanism with these."""
+        self.what, self.model = what, model
+        most = int(what.pairs[:, BODY_COUNT].max(initial=0))
+        self.out = np.zeros((len(what.pairs), WRENCH + 18 * most))
         self.rest_data = what.with_values(np.array(list(what.values.values())))
         self.none = np.zeros((len(what.pairs), 3))
         self.begin(self.none)

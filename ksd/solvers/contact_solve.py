@@ -206,6 +206,22 @@ def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tup
     return [("planar, 3 unknowns per node", known["planar"]), ("spatial", space)]
 
 
+def exchange_contacts(storage: NewtonStorage, model: Model) -> None:
+    """Go over to other stops, cables and contacts of the same mechanism; model: with these."""
+    before, storage.model, what = storage.model, model, touching(model)
+    known = storage.contact.get("spatial")
+    if known is None or what.strips or known.what.strips or not np.array_equal(known.what.nodes, what.nodes):
+        storage.contact.clear()
+        return
+    model.derived["contact"] = replace(contact_model(before, what.nodes), original_scene=model.original_scene)
+    known.exchange(what, model)
+    planar, plane = storage.contact.get("planar"), model.plane
+    if planar is not None and isinstance(plane, Plane) and not _leaves_plane(what, model, plane):
+        planar.exchange(what, model)
+    else:
+        storage.contact.pop("planar", None)
+
+
 def _spatial(model: Model, storage: NewtonStorage | None) -> ContactNewton:
     """The iteration in space, prepared once."""
     if storage is None or storage.model is not model:
@@ -260,6 +276,8 @@ def _with_divergences(found: Configuration) -> Configuration:
 
 def _leaves_plane(what: Touching, model: Model, plane: Plane) -> bool:
     """Whether a stop or cable acts out of the plane."""
+    if not (model.original_scene.stops or model.original_scene.cables):
+        return False
     k = plane.normal
     for stop in model.original_scene.stops:
         for term in stop.terms:

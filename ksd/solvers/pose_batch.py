@@ -28,7 +28,7 @@ from ksd.solvers.five_steps import (
 from ksd.solvers.joint_range import is_outside
 from ksd.solvers.steps import Step, equilibrium_iterations
 
-LOCKED, OUT_OF_RANGE, UNSTABLE, REFUSED, UNANSWERED = 10, 11, 12, 13, 14
+LOCKED, OUT_OF_RANGE, UNSTABLE, REFUSED, UNANSWERED, NOT_SOLVED = 10, 11, 12, 13, 14, 15
 """Statuses of a pose beyond those of `ksd.solvers.steps.Stop`."""
 STATUS_MESSAGES = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
@@ -36,6 +36,7 @@ STATUS_MESSAGES = {
     UNSTABLE: "the equilibrium next to the state found is not a minimum of energy",
     REFUSED: "the state found is not to be trusted",
     UNANSWERED: "a question was not answered",
+    NOT_SOLVED: "no state was found",
 }
 MAX_WARM_ITERATIONS, MAX_ITERATIONS = 4, 25
 """Newton iterations from the offset of the pose before, and from the kinematic pose."""

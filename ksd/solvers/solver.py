@@ -31,7 +31,12 @@ from ksd.scene.obstacle import contact_drives, has_contacts, refuse_loose
 from ksd.scene.scene import Scene
 from ksd.solvers.actuation import Actuation, RequiredForces
 from ksd.solvers.configuration import Configuration
-from ksd.solvers.contact_solve import solve_with_contact, split_values, without_contact_forces
+from ksd.solvers.contact_solve import (
+    exchange_contacts,
+    solve_with_contact,
+    split_values,
+    without_contact_forces,
+)
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.either_side import take_side
 from ksd.solvers.five_step_solver import FiveStepSolver
@@ -292,7 +297,8 @@ class Solver:
         self._choice: MethodChoice | None = None
         self._drives = frozenset((*mechanism.drive_names, *contact_drives(mechanism.original_scene)))
         self._reduced: dict[bool, ReducedBodySolver] = {}
-        self._joints = JointMotionReader(mechanism, records, extrapolate)
+        self._free: dict[Any, Configuration] | None = None
+        self.joint_motions = JointMotionReader(mechanism, records, extrapolate)
         self.lock = threading.RLock()
 
     @cached_property
@@ -313,6 +319,20 @@ class Solver:
     def storage(self) -> NewtonStorage:
         """Storage of the conventional solver, prepared on first use."""
         return NewtonStorage(self.model)
+
+    def exchange_contacts(self, scene: Scene) -> None:
+        """Go over to a scene with other stops, cables and contacts, which is the same in all else."""
+        before, self.model = self.model, replace(self.model, original_scene=scene)
+        self.model.derived["plane"] = before.plane
+        for name in ("kinds", "conservative", "strain_leaves"):
+            vars(self.model)[name] = getattr(before, name)
+        self._drives = frozenset((*self.model.drive_names, *contact_drives(scene)))
+        for name in ("five_steps", "constant", "actuation"):
+            self.__dict__.pop(name, None)
+        self._reduced.clear()
+        self._free = self._free or {}
+        if "storage" in self.__dict__:
+            exchange_contacts(self.storage, self.model)
 
     def of(self, model: Model) -> Solver:
         """A solver of another model of the same scene with the options of this one."""
@@ -398,7 +418,7 @@ class Solver:
         reason: Exception | None = None
         if start is None or start.touched is None or not start.touched.closed:
             try:
-                found = self._without_contacts(drives, method, accuracy, relinearisations, estimate, start)
+                found = self._free_pose(drives, method, accuracy, relinearisations, estimate, start)
                 free = without_contact_forces(found, own, self.storage)
                 if free is not None and free.stable and not free.doubts:
                     return free
@@ -426,6 +446,15 @@ class Solver:
         if not found.stable:
             _refuse_loose(found)
         return found
+
+    def _free_pose(self, values: Mapping[str, float], *words: Any) -> Configuration:
+        """`_without_contacts`, solved once for all contacts that are exchanged."""
+        if self._free is None or words[-1] is not None:
+            return self._without_contacts(values, *words)
+        key = (*values.items(), *words)
+        if key not in self._free:
+            self._free[key] = self._without_contacts(values, *words)
+        return replace(self._free[key], model=self.model)
 
     def _without_contacts(
         self,
@@ -484,7 +513,7 @@ class Solver:
         if start is not None or (found.touched is not None and found.touched.closed):
             return found
         with self.lock:
-            return settle_order(found, self.order, self._joints)
+            return settle_order(found, self.order, self.joint_motions)
 
     @cached_property
     def constant(self) -> tuple[Model, NewtonStorage]:
@@ -518,7 +547,7 @@ class Solver:
         words: dict[str, Any] = {
             "storage": storage,
             "planar": self.in_plane,
-            "joints": self._joints,
+            "joints": self.joint_motions,
             "method": "constant",
         }
         if start is not None and start.method == "constant":
@@ -579,7 +608,7 @@ class Solver:
                 start=start,
                 planar=self.in_plane,
                 storage=self.storage,
-                joints=self._joints,
+                joints=self.joint_motions,
             )
         if method is None:
             return self._fastest(values, accuracy)
@@ -670,7 +699,7 @@ class Solver:
         try:
             found = solve_conventional(
                 self.model, values, planar=self.in_plane, max_iterations=MAX_ONE_STEP_ITERATIONS, smallest_step=1.0,
-                storage=self.storage, joints=self._joints, chosen=chosen,
+                storage=self.storage, joints=self.joint_motions, chosen=chosen,
             )  # fmt: skip
         except (ConvergenceError, SceneError):
             return None
@@ -710,7 +739,7 @@ class Solver:
     def by_load_steps(self, values: Mapping[str, float]) -> Configuration:
         """Solve by the conventional solver."""
         return solve_in_order(
-            self.model, values, order=self.order, storage=self.storage, planar=self.in_plane, joints=self._joints
+            self.model, values, order=self.order, storage=self.storage, planar=self.in_plane, joints=self.joint_motions
         )  # fmt: skip
 
 

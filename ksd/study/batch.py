@@ -23,14 +23,16 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.numerics.threads import small_matrices
 from ksd.scene.link import Link
+from ksd.scene.obstacle import has_contacts
 from ksd.solvers.pose_batch import REFUSED, UNANSWERED
 from ksd.solvers.random_vibration import Spectrum
 from ksd.study.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
-from ksd.study.batch_solver import BatchSolver, scene_factories, scene_for_batch
+from ksd.study.batch_solver import BatchSolver, scene_factories
 from ksd.study.design_scene import (
     CANNOT_BE_BUILT,
     DesignsLike,
     MechanismLike,
+    build_scene,
     design_parameters,
     scene_or_reason,
 )
@@ -131,7 +133,7 @@ def batch(
     targets: Mapping[str, ArrayLike] | None = None,
     *,
     designs: DesignsLike | None = None,
-    method: Literal["reduced", "full"] = "reduced",
+    method: Literal["reduced", "full"] | None = None,
     relinearisations: int = 0,
     tabulated: bool = False,
     questions: str | Iterable[str] = (),
@@ -149,10 +151,12 @@ def batch(
     executor: Executor | None = None,
     **drives: ArrayLike,
 ) -> Batch:
-    """Solve every design at every pose by `method` "reduced" or "full", without error estimates; returns a `Batch`.
+    """Solve every design at every pose by `method`, without error estimates; returns a `Batch`.
 
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
-    parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
+    parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. method: "reduced" or
+    "full"; when None "reduced", but with stops, cables or contacts every pose as by `ksd.prepare` without a method, and
+    where only these differ between designs that follow each other, from one preparation. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
     link, at, along, freed, modes, psd, damping: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are
     answered at the equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose
@@ -176,7 +180,7 @@ def batch(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
         tabulated=tabulated, extrapolate=extrapolate,
     )  # fmt: skip
-    if tabulated and (method != "reduced" or relinearisations):
+    if tabulated and (method == "full" or relinearisations):
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
@@ -197,10 +201,16 @@ def batch(
     }
     points = design_parameters(mechanism, designs)
     if designs is None:
-        check_drives(scene_for_batch(mechanism, {}), tuple(values), batch)
+        check_drives(build_scene(mechanism, {}), tuple(values), batch)
     if mesh is None:
-        recipe = Recipe(parsed, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
-        mesh = adequate_mesh([_farthest_pose(mechanism, points[0], values)], recipe)
+        path = _farthest_pose(mechanism, points[0], values)
+        used = (
+            None
+            if method is None and path.scene is not None and has_contacts(path.scene)
+            else method or "reduced"
+        )
+        recipe = Recipe(parsed, method=used, relinearisations=relinearisations, extrapolate=extrapolate)
+        mesh = adequate_mesh([path], recipe)
     solver = BatchSolver(values, options, mesh, extrapolate)
     if executor is None or designs is None:
         results = solver.solve(scene_factories(mechanism, points), workers)

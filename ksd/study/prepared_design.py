@@ -94,7 +94,7 @@ class DesignResult:
 class PreparedDesign:
     """One design prepared for batches: call it with arrays (N,) of drive values [m or rad] by drive name.
 
-    method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they
+    method: "reduced" when None. tabulated: joints are interpolated in tables over their stroke. keep_configurations: they
     are in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is
     where questions are answered in any case. strict: a pose that `ksd.solve` would refuse without an error estimate has no
     answers. Raises SceneError for invalid questions.
@@ -104,7 +104,7 @@ class PreparedDesign:
         self,
         solver: FiveStepSolver,
         *,
-        method: Literal["reduced", "full"] = "reduced",
+        method: Literal["reduced", "full"] | None = None,
         relinearisations: int = 0,
         tabulated: bool = False,
         questions: Questions | None = None,
@@ -112,7 +112,7 @@ class PreparedDesign:
         equilibrate: bool = False,
         strict: bool = True,
     ) -> None:
-        self.solver, self.method, self.relinearisations = solver, method, relinearisations
+        self.solver, self.method, self.relinearisations = solver, method or "reduced", relinearisations
         self.keep_configurations, self.equilibrate, self.strict = keep_configurations, equilibrate, strict
         self.questions = questions if questions is not None and questions.names else None
         if self.questions is not None:

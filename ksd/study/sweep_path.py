@@ -337,7 +337,7 @@ def run_path(
         last = path_solver.previous
         if poses is not None:
             poses += solved
-        held = [_with_contacts_held(pose, recipe.questions) for pose in solved]
+        held = [with_contacts_held(pose, recipe.questions) for pose in solved]
         # with error figures, every question is answered by itself
         batch_answers = iter(
             [NOT_ANSWERED] * len(solved)
@@ -383,7 +383,7 @@ class _HeldPose(NamedTuple):
     why_not: str = ""
 
 
-def _with_contacts_held(pose: Configuration, questions: Questions) -> _HeldPose:
+def with_contacts_held(pose: Configuration, questions: Questions) -> _HeldPose:
     """The pose for all questions, or for that for forces alone where its contacts cannot be held."""
     try:
         return _HeldPose(pose.with_contacts_held, questions)

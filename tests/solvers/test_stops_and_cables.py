@@ -420,7 +420,6 @@ def test_questions_that_know_no_stops_are_refused_where_one_acts(stopped, questi
 
 
 CALLS = [
-    lambda s: ksd.batch(s, d=[0.0, 1e-3]),
     ksd.follow,
     lambda s: ksd.simulate(s, until=0.1),
     ksd.compile_scene,
