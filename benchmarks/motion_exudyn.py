@@ -93,9 +93,8 @@ def exudyn(scene: Any, node: int, force: Any, ramp: float) -> Any:
                 held: Any = {"constrainedAxes": [1, 1, 0, 0, 0, 1], "rotationMarker0": turned}
                 mbs.AddObject(items.GenericJoint(markerNumbers=markers, **held))
         marker = mbs.AddMarker(items.MarkerNodePosition(nodeNumber=carried[node]))
-        mbs.AddLoad(
-            items.Force(markerNumber=marker, loadVector=[*force, 0], **{"loadVectorUserFunction": push})
-        )
+        ramped: Any = {"loadVectorUserFunction": push}
+        mbs.AddLoad(items.Force(markerNumber=marker, loadVector=[*force, 0], **ramped))
         kind = exu.OutputVariableType.Displacement
         sensor = mbs.AddSensor(
             items.SensorNode(
