@@ -1,4 +1,5 @@
-"""Motion in time: cost of a step against a static solve of the same scene, and in arms of 3 to 100 joints.
+"""Motion in time: cost of a step against a static solve of the same scene, in arms of 3 to 100 joints, and of the shipped
+arm with the mass of its leaf springs at their ends.
 
 Steps are those of a trace, without what is said about it; times are of one thread, medians of five, and their ratios.
 python benchmarks/motion.py
@@ -106,6 +107,51 @@ def lengths():
         print(f"| {joints} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * step / joints / 2:.1f} |")
 
 
+def shipped_arm():
+    """The shipped arm of three joints and 90 leaf springs with links of 500 g, let go under a force at its end."""
+    scene, _, _ = ksd.load_scene("arm")
+    for link, at in zip(
+        scene.scene().links[1:], ((0.075, 0, 0), (0.24, 0, 0.14), (0.42, 0, 0.14)), strict=True
+    ):
+        scene.mass(link, mass=0.5, inertia=(1e-3, 1e-3, 1e-3), at=at)
+    scene.load("third", force=(0, 5, 5), at=(0.51, 0, 0.05), name="push")
+    return scene.scene()
+
+
+def ends():
+    """A table of the arm and of the fourbar in space by the inertia of leaf springs, and with their mass at their ends."""
+    from motion_scenes import HEIGHT, four_hinges
+
+    lifted = four_hinges()
+    lifted.load("top", force=(0, 0, 20), at=(0, HEIGHT, 0), name="lift")
+    cases: tuple[Any, ...] = (
+        ("arm of 90 leaf springs", shipped_arm(), "third", dict.fromkeys("xyz"), 0.02),
+        ("fourbar", four_hinges(), "top", {"top": None}, 0.1),
+        ("fourbar in space, pushed out of its plane", lifted, "top", {"top": None}, 0.1),
+    )
+    print(
+        "\n| scene | step [us] | with mass at ends [us] | ratio | simulated time / CPU | places off, over the stroke |"
+    )
+    print("|---|---|---|---|---|---|")
+    for name, scene, link, drives, ramp in cases:
+        words: dict[str, Any] = {"loads": {"push": ksd.Ramp(ramp)}, "drives": drives, "dt": 1e-3}
+        spent: tuple[list[float], list[float]] = [], []
+        found: list[Any] = [None, None]
+        for n in range(2 * (REPEATS + 1)):
+            took = []
+            for until in (0.02, 0.1):
+                start = time.thread_time()
+                found[n % 2] = ksd.simulate(scene, until, mass_at_ends=bool(n % 2), **words)[link].position
+                took.append(time.thread_time() - start)
+            spent[n % 2].append((took[1] - took[0]) / 80)
+        whole, light = (statistics.median(times[1:]) for times in spent)
+        off = np.abs(found[1] - found[0]).max() / np.abs(found[0] - found[0][0]).max()
+        print(
+            f"| {name} | {1e6 * whole:.0f} | {1e6 * light:.0f} | {whole / light:.1f} | {1e-3 / light:.2f} | {off:.1e} |"
+        )
+
+
 if __name__ == "__main__":
     costs()
     lengths()
+    ends()

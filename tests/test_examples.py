@@ -116,6 +116,7 @@ NUMBERS = {
         ),
         "shake": (-0.04 * 8e-3 * NOD, 2e-2, "m r alpha"),
     },
+    "swinging_arm": {"ratio": (1.0, 1e-3, "leaf springs with their own inertia")},
     "controlled_guide": {
         "end": (0.5e-3 * 7895.7 / (7895.7 + 0.5 * (2 * math.pi * 7.1028) ** 2), 1e-3, "stiffness of the loop"),
         "overshoot": (math.exp(-math.pi * 0.4713 / math.sqrt(1 - 0.4713**2)), 2e-2, "one mass"),

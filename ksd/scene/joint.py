@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -122,6 +123,10 @@ class Joint(metaclass=ClearArgumentErrors):
 
     def leaves(self) -> tuple[Leaf, ...]:
         """The leaf springs between the blocks."""
+        raise NotImplementedError
+
+    def without_mass(self) -> Joint:
+        """The joint of leaf springs without density."""
         raise NotImplementedError
 
     def shape(self) -> dict[str, float]:
@@ -301,6 +306,12 @@ class DrawnJoint(Joint):
 
     def leaves(self) -> tuple[Leaf, ...]:
         return self.drawn_leaves
+
+    def without_mass(self) -> DrawnJoint:
+        made = copy(self)
+        leaves = (replace(leaf, material=leaf.material.without_mass()) for leaf in self.drawn_leaves)
+        made.__dict__.update(drawn_leaves=tuple(leaves))
+        return made
 
     def shape(self) -> dict[str, float]:
         return dict(self.shape_numbers)

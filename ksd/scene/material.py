@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ksd.checks import ClearArgumentErrors, between, number, positive, show
 from ksd.errors import SceneError
@@ -69,6 +69,10 @@ class Material(metaclass=ClearArgumentErrors):
         self.__dict__.update(
             limits, E=E, G=G, nu=nu, density=density, name=name, expansion=expansion, loss_factor=loss_factor
         )
+
+    def without_mass(self) -> Material:
+        """The material without density."""
+        return replace(self, density=None)
 
 
 def _complete(E: float | None, G: float | None, nu: float | None, owner: str) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from ksd.checks import (
     Vector,
     between,
+    boolean,
     direction,
     name_hint,
     not_negative,
@@ -119,7 +120,8 @@ class Simulation:
     loads: factors by name; base; start: "equilibrium", "undeformed" or a pose; speeds (6,): of the centre of mass of a
     link, and of its rotation [m/s, rad/s], by name; stop: events that end the motion; damping_at [Hz]: frequency at which
     dashpots in the material take its loss factor; release: a `Ramp` from 1 to 0, factor on the force of drives that are let
-    go, given as its duration [s], None where it is gone at once; every: so many steps are made for each that is kept.
+    go, given as its duration [s], None where it is gone at once; every: so many steps are made for each that is kept;
+    mass_at_ends: leaf springs have their mass at their ends, faster by what their own inertia costs.
 
     >>> guide, _, _ = ksd.load_scene("guide")
     >>> guide.simulation = ksd.Simulation(until="20 ms", dt="0.5 ms", drives={"table": None})
@@ -141,6 +143,7 @@ class Simulation:
     damping_at: Any = None
     release: Any = None
     every: int = 1
+    mass_at_ends: bool = False
 
     def __post_init__(self) -> None:
         self._set(until=positive(_time(self.until, "until"), "until", owner="simulate", unit="s"))
@@ -164,7 +167,8 @@ class Simulation:
             raise SceneError(
                 f"simulate: rho = {rho:g}: 0 (most damping of what the step does not follow) to 1 (none)"
             )
-        self._set(rho=rho, every=whole_number(self.every, "every"))
+        at_ends = boolean(self.mass_at_ends, "mass_at_ends")
+        self._set(rho=rho, every=whole_number(self.every, "every"), mass_at_ends=at_ends)
         self._set(
             drives={
                 n: None if f is None else as_function_of_time(f, f"drive '{n}'")
@@ -402,10 +406,8 @@ def table_of_simulation(s: Simulation) -> dict[str, Any]:
     """The table [simulate] of a scene file. Raises SceneError for functions of Python and a start from a pose."""
     if not isinstance(s.start, str):
         raise SceneError("simulate: a start from a pose cannot be written to a file; keep it in Python")
-    plain = {
-        key: getattr(s, key)
-        for key in ("until", "dt", "accuracy", "method", "rho", "damping_at", "every", "start")
-    }
+    keys = "until", "dt", "accuracy", "method", "rho", "damping_at", "every", "mass_at_ends", "start"
+    plain = {key: getattr(s, key) for key in keys}
     default = Simulation(until=1.0)
     table = {k: v for k, v in plain.items() if v is not None and (k == "until" or v != getattr(default, k))}
     if s.release is not None:

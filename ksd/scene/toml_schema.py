@@ -194,8 +194,8 @@ STATEMENTS: dict[str, Schema] = {
 
 SIMULATE: Schema = {
     "until": "time!", "dt": "time", "accuracy": "number", "method": "text", "rho": "number", "damping_at": "frequency",
-    "release": "time", "every": "any", "start": "text", "drives": "any", "loads": "any", "base": "any", "speeds": "any",
-    "stop": "any",
+    "release": "time", "every": "any", "mass_at_ends": "any", "start": "text", "drives": "any", "loads": "any",
+    "base": "any", "speeds": "any", "stop": "any",
 }  # fmt: skip
 """Keys of the table [simulate], the words of `ksd.Simulation`."""
 

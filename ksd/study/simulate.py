@@ -38,6 +38,7 @@ def simulate(
     damping_at: float | str | None = None,
     release: float | str | None = None,
     every: int | None = None,
+    mass_at_ends: bool | None = None,
     mesh: Mesh | None = None,
     progress: bool = False,
 ) -> History:
@@ -51,7 +52,8 @@ def simulate(
     an instant. speeds: (vx, vy, vz, wx, wy, wz) [m/s, rad/s] by link. stop: `ksd.Event` that ends the motion. damping_at
     [Hz]: frequency at which the loss factors of materials hold. release [s]: time in which the force of drives that are let
     go falls by half a cosine, at once when None. rho: 0 to 1, spectral radius of the method at infinite
-    frequency (0.8). every: steps per kept instant. mesh: of the leaf springs. progress: shows a bar.
+    frequency (0.8). every: steps per kept instant. mass_at_ends: leaf springs have their mass at their ends, several
+    times faster where these are many. mesh: of the leaf springs. progress: shows a bar.
 
     Words that are not given are those of [simulate] of the file that the mechanism was loaded from. Raises SceneError for
     bad input, ConvergenceError where there is no equilibrium to start from; a motion that ends early returns what it has,
@@ -66,7 +68,7 @@ def simulate(
     given = {
         "until": until, "dt": dt, "accuracy": accuracy, "method": method, "rho": rho, "drives": drives, "loads": loads,
         "base": base, "start": start, "speeds": speeds, "stop": stop, "damping_at": damping_at, "release": release,
-        "every": every,
+        "every": every, "mass_at_ends": mass_at_ends,
     }  # fmt: skip
     words = _words(mechanism, {name: value for name, value in given.items() if value is not None})
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism

@@ -162,12 +162,13 @@ def stepper(
     speeds: Mapping[str, Any] | None = None,
     damping_at: float | str | None = None,
     rho: float = 0.8,
+    mass_at_ends: bool = False,
     mesh: Mesh | None = None,
 ) -> Stepper:
     """A callable ``step(state, inputs, dt)`` that moves a mechanism on in time; ``step.start`` is the first state.
 
     Inputs are factors of loads. longest [s]: longest part of a step, a hundredth of the longest free period when None.
-    drives, loads, start, speeds, base, damping_at, rho, mesh: as in `ksd.simulate`; drives that are None are let go.
+    Others are as in `ksd.simulate`; drives that are None are let go.
     Raises SceneError for bad input, ConvergenceError where there is no equilibrium to start from.
 
     >>> guide, _, _ = ksd.load_scene("guide")
@@ -182,7 +183,7 @@ def stepper(
         raise SceneError(f"stepper: {show(mechanism)} is no mechanism")
     made = Simulation(
         until=1.0, drives=drives or {}, loads=loads or {}, base=base, start=start, speeds=speeds or {},
-        damping_at=damping_at, rho=rho,
+        damping_at=damping_at, rho=rho, mass_at_ends=mass_at_ends,
     )  # fmt: skip
     made.check(scene)
     part = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -42,6 +42,9 @@ class JointFamily(Joint):
     def shape(self) -> dict[str, float]:
         """No shape parameters."""
         return {}
+
+    def without_mass(self) -> JointFamily:
+        return replace(self, material=self.material.without_mass())
 
 
 class InclinedLeaves(JointFamily):
