@@ -23,7 +23,7 @@ REPEATS, STEPS = 5, 60
 def step_time(scene, dt, freed=(), spatial=False, **words):
     """Thread time [s] of a step of `dt`, and its Newton iterations."""
     from ksd.scene.simulation import Simulation
-    from ksd.solvers.dynamics import Motion
+    from ksd.solvers.motion import Motion
     from ksd.solvers.moving_model import moving_model
     from ksd.solvers.time_steps import generalised_alpha
 

@@ -52,16 +52,18 @@ class Trace:
 
     def state(self, x: Array) -> State:
         """The state of a row of `x`, or of numbers between rows."""
-        rest, parts, at = self.model.rest, [], 0
-        for part in rest:
-            parts.append(x[at : at + part.size].reshape(part.shape).copy())
-            at += part.size
-        return State(*parts)
+        return state_of_row(x, self.model.rest)
 
 
 def flat_state(state: State) -> Array:
     """A state as one row of `Trace.x`."""
     return np.concatenate([part.ravel() for part in state])
+
+
+def state_of_row(row: Array, like: State) -> State:
+    """The state of one flat row; like: a state of the same sizes."""
+    parts = np.split(row, np.cumsum([field.size for field in like])[:-1])
+    return State(*(part.reshape(field.shape).copy() for part, field in zip(parts, like, strict=True)))
 
 
 def with_load_factors(scene: Any, factors: Mapping[str, float]) -> Any:

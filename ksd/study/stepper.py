@@ -21,7 +21,10 @@ from ksd.scene.scene import Scene
 from ksd.scene.simulation import Shake, Simulation
 from ksd.scene.toml_table import quantity
 from ksd.solvers.configuration import Configuration
-from ksd.solvers.dynamics import Motion, Refused, Run, Saved, begin_motion, trace_of_run
+from ksd.solvers.dynamics import begin_motion
+from ksd.solvers.motion import Motion, Refused, Saved
+from ksd.solvers.motion_record import trace_of_run
+from ksd.solvers.motion_run import Run
 from ksd.solvers.time_steps import generalised_alpha
 from ksd.study.history import DriveMotion, History, Instant
 
