@@ -160,7 +160,10 @@ def pinned(draw: Callable[[], Any]) -> dict[str, Any]:
     """Answers and times of one scene, by (method, question)."""
     found: dict[str, Any] = {}
     scene, targets, options = draw()
-    link = _last_link(scene)
+    try:
+        link = _last_link(scene)
+    except ksd.KsdError as reason:
+        return {"scene": {"refused": f"{type(reason).__name__}: {reason}"}}
     method: Any
     for method in METHODS:
         try:

@@ -8,7 +8,6 @@ nodes by cubics with the tangents of the nodes. Global axes, SI units.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -20,9 +19,10 @@ from ksd.answers.derived import cached_per_model
 from ksd.answers.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames, local_loads
 from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.elements.strain_values import loads_beyond
-from ksd.model.arrays import Members, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
+from ksd.model.member_ends import Ends, table_ends
 from ksd.numerics.rotations import make_rotations
 from ksd.scene.joint import joint_leaves
 
@@ -31,33 +31,9 @@ DEFAULT_STATIONS = 25
 """Default number of stations per leaf."""
 
 
-@dataclass(frozen=True)
-class Ends:
-    """End frames of a member: p at start (3,) with axes frame (3, 3), global; q at d (3,) with axes Q (3, 3), in frame p."""
-
-    start: Array
-    frame: Array
-    d: Array
-    Q: Array
-
-    @property
-    def end(self) -> Array:
-        """Place (3,) of q, global."""
-        return np.asarray(self.start + self.frame @ self.d)
-
-
 def member_ends(model: Model, motion: State, i: int) -> Ends:
     """End frames of member `i` at `motion`."""
     return table_ends(model.arrays.members, motion, i)
-
-
-def table_ends(members: Members, motion: State, i: int) -> Ends:
-    """End frames of row `i` of a table of members or springs at `motion`."""
-    a, b = members.node[i]
-    frame = motion.R[a] @ members.frame[i, 0]
-    start = motion.x[a] + motion.R[a] @ members.offset[i, 0]
-    end = motion.x[b] + motion.R[b] @ members.offset[i, 1]
-    return Ends(start, frame, frame.T @ (end - start), frame.T @ motion.R[b] @ members.frame[i, 1])
 
 
 def member_arrays(model: Model, motion: State, i: int) -> tuple[Array, NDArray[np.int64], Array]:

@@ -15,7 +15,7 @@ from ksd.answers.frequencies import lowest_squares
 from ksd.answers.nonconservative import REAL_TOLERANCE, Array, count_negative_eigenvalues, skew_tangent
 from ksd.answers.tangent import assemble_tangent
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import LINEAR, SOLID, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 
 ANY_DENSITY = 1000.0
@@ -44,7 +44,7 @@ def count_unstable_directions(
     rows = len(model.arrays.terms.start)
     if model.conservative or negatives == rows:
         return negatives
-    if model.kinds.isdisjoint((SOLID, LINEAR)):
+    if not model.has_closed_bodies:
         try:
             squared = lowest_squares(
                 model, motion, freed=freed, load_factor=factor, without_density=ANY_DENSITY

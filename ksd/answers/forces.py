@@ -15,14 +15,12 @@ drives, supports and weight.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ksd.answers.centrelines import (
     DEFAULT_STATIONS,
@@ -33,16 +31,16 @@ from ksd.answers.centrelines import (
     member_arrays,
     member_ends,
     strain_curves,
-    table_ends,
 )
 from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_loads
 from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.answers.shape import point_position
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, TORSION, State, Workspace, make_workspace
+from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
+from ksd.model.member_ends import table_ends
 from ksd.model.newton import assemble, assemble_nodes
-from ksd.numerics.rotations import nearest_turn
+from ksd.model.springs import energy_of_one_spring
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -379,20 +377,4 @@ def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list
 
 def spring_energy(model: Model, motion: State) -> dict[str, float]:
     """Energy [J] of all springs and links with a matrix, by name."""
-    return {name: energy_of_one_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
-
-
-def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
-    """Energy [J] of spring i: k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or W xi + xi K xi / 2."""
-    springs = model.arrays.springs
-    value, ends = springs.value[springs.value_at[i] :], table_ends(springs, motion, i)
-    d, Q = ends.d, ends.Q
-    if springs.kind[i] == COIL:
-        return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
-    if springs.kind[i] == TORSION:
-        _, _, z, w = Rotation.from_matrix(Q).as_quat()
-        angle = nearest_turn(2.0 * math.atan2(z, w), motion.angle[len(model.arrays.terms.node) + i])
-        return 0.5 * float(value[0]) * (angle - float(value[1])) ** 2
-    turned = Rotation.from_matrix(Q @ value[3:12].reshape(3, 3).T).as_rotvec()
-    xi = np.concatenate([d - value[:3], turned])
-    return float(value[12:18] @ xi + 0.5 * xi @ value[18:54].reshape(6, 6) @ xi)
+    return {name: energy_of_one_spring(model.arrays, motion, i) for i, name in enumerate(model.spring_names)}

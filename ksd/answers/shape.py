@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ksd.answers.centrelines import DEFAULT_STATIONS, centrelines, leaf_members, scene_leaves, solid_line
 from ksd.answers.derived import cached_per_model
 from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups
-from ksd.model.arrays import SOLID, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.scene.drive import DriveTerm
 from ksd.scene.effects import Spring
@@ -242,8 +242,7 @@ def _member_lines(
     load_factor: float,
 ) -> dict[int, tuple[Array, Array, Array]]:
     """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3), global, along every leaf spring, chain and solid by member."""
-    kind = model.arrays.members.kind
-    lines = {int(i): solid_line(model, motion, int(i)) for i in np.flatnonzero(kind == SOLID)}
+    lines = {i: solid_line(model, motion, i) for i, n in enumerate(model.member_names) if n in model.solids}
     for group, which, points in together:
         each = centrelines(model, motion, group, which, points, load_factor)
         lines |= dict(zip(group.members[which].tolist(), zip(*each, strict=True), strict=True))

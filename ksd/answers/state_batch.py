@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.finer_model import MAX_STEP, finer_inner_index, finer_mesh
-from ksd.model.arrays import MEMBER, STRAIN, Arrays, State, make_workspace
+from ksd.model.arrays import MEMBER, Arrays, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.newton import take_step_at_fixed_rows
@@ -114,7 +114,7 @@ def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBa
         model_index = np.array([position[id(states[k][0])] for k in numbers])
         models = tuple(different.values())
         template = models[0].derived["leaves"][0]
-        if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_layouts):
+        if type(template.mesh) is not Mesh or not models[0].has_strain_leaves_only:
             continue
         motion = State(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.array([model.arrays.floats for model in models])

@@ -41,7 +41,7 @@ from ksd.answers.printing import NamedAnswers, NamedAnswerTable, PrintableAnswer
 from ksd.answers.state_batch import StateBatch
 from ksd.elements import corotational
 from ksd.elements.strain_uncondensed import load_derivatives, stretch_shear_compliances
-from ksd.model.arrays import SOLID, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.scene.profile import Profile
 from ksd.section.closed_forms import round_ratio
@@ -585,7 +585,7 @@ def _chain_energy(model: Model, motion: State, i: int) -> float:
     """Strain energy [J] of member i: sum of S eps^2/2 of the elements of a chain, or that of a reduced solid."""
     value, number, inner = member_arrays(model, motion, i)
     ends = member_ends(model, motion, i)
-    if model.arrays.members.kind[i] == SOLID:
+    if model.member_names[i] in model.solids:
         return float(model.bodies[model.member_names[i]].energy(ends.d, ends.Q, inner))
     d, Q = np.ascontiguousarray(ends.d), np.ascontiguousarray(ends.Q)
     return float(corotational.energy(value, number, np.ascontiguousarray(inner), d, Q))

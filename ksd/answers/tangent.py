@@ -21,7 +21,7 @@ from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.state_batch import StateBatch
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import LINEAR, SOLID, Arrays, State, Workspace, make_workspace
+from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
 from ksd.model.newton import SINGULAR_PIVOT, assemble, assemble_nodes
@@ -424,7 +424,7 @@ def factor_tangent(
     name, KinematicsError where a motion has no stiffness.
     """
     freed = names_of(freed, "freed")
-    if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
+    if assembled.model.has_closed_bodies:
         return _factor_dense(assembled, freed)
     rows = row_numbers(assembled.model, freed)
     found, pivot = factor_released(assembled, freed, rows)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, bmat, coo_matrix, csc_matrix
 
-from ksd.answers.centrelines import table_ends
 from ksd.answers.leaf_groups import (
     EndFrames,
     LeafGroup,
@@ -29,11 +28,10 @@ from ksd.answers.leaf_groups import (
 from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.tangent import release_rows, stored_matrix
 from ksd.elements.ends import geometric_tangent
-from ksd.model.arrays import COIL, TORSION, State, make_workspace
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
-from ksd.numerics.rotations import nearest_turn
+from ksd.model.springs import relax_spring
 
 Array = NDArray[np.float64]
 
@@ -86,18 +84,8 @@ def _with_relaxed_springs(model: Model, motion: State) -> Model:
     if not len(model.arrays.springs.kind):
         return model
     arrays = model.arrays.copy()
-    springs = arrays.springs
-    for i, (a, b) in enumerate(springs.node.tolist()):
-        here, R, ends = springs.value[springs.value_at[i] :], motion.R, table_ends(springs, motion, i)
-        if springs.kind[i] == COIL:
-            here[1] = np.linalg.norm(ends.d)
-        elif springs.kind[i] == TORSION:
-            angle, _ = twist(R[a], R[b], ends.frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
-            here[1] = nearest_turn(angle, motion.angle[len(model.arrays.terms.node) + i])
-        else:
-            # position and rotation at rest, then the wrench there
-            here[:3], here[3:12] = ends.d, ends.Q.ravel()
-            here[12:18] = 0.0
+    for i in range(len(arrays.springs.kind)):
+        relax_spring(arrays, motion, i)
     return replace(model, arrays=arrays)
 
 

@@ -16,7 +16,18 @@ import numpy as np
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import RecordError, SceneError
 from ksd.html import NotebookTables, PrintedText
-from ksd.model.arrays import COROTATIONAL, FIELDS, LINEAR, MODAL, ROTATION, SOLID, STRAIN, Arrays, State
+from ksd.model.arrays import (
+    COROTATIONAL,
+    FIELDS,
+    LINEAR,
+    MODAL,
+    PLANAR,
+    ROTATION,
+    SOLID,
+    STRAIN,
+    Arrays,
+    State,
+)
 from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.description import constraint_lines, curved_bar_text, effect_lines, shape_text
 from ksd.model.leaves import cut_leaves
@@ -205,6 +216,15 @@ class Model(NotebookTables):
         self.derived["plane"] = reason
 
     @property
+    def unknown_count(self) -> int:
+        """Number of unknowns, those condensed inside its leaves included; of its planar model where it has one."""
+        arrays = self.arrays if isinstance(self.plane, str) else self.plane.arrays
+        members, inner = arrays.members, np.diff(arrays.members.inner_at)
+        # a leaf of a planar model has its amplitudes of weak bending and three components of its wrench
+        inner[members.kind == PLANAR] = members.number[members.kind == PLANAR, 0] + 3
+        return int(arrays.plan.unknowns + inner.sum())
+
+    @property
     def links(self) -> int:
         """Number of links, ground included; they are the first nodes."""
         return len(self.scene.links)
@@ -228,6 +248,11 @@ class Model(NotebookTables):
     def chains(self) -> tuple[int, ...]:
         """Numbers of the members that are chains of Appendix A elements."""
         return tuple(np.flatnonzero(self.arrays.members.kind == COROTATIONAL).tolist())
+
+    @cached_property
+    def has_closed_bodies(self) -> bool:
+        """Whether a member is a reduced solid or a condensed joint, into which no question looks."""
+        return not self.kinds.isdisjoint((SOLID, LINEAR))
 
     @property
     def has_strain_leaves_only(self) -> bool:

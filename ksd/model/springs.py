@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ksd.model.arrays import COIL, LINEAR, TORSION
+from ksd.model.arrays import COIL, LINEAR, TORSION, Arrays, State
+from ksd.model.member_ends import table_ends
 from ksd.model.pack import Member
+from ksd.numerics.rotations import nearest_turn
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
+
+ZERO_ENERGY = 1e-15
+"""Energy of a spring relative to its stiffness (of a coil spring, times the size squared) up to which it has no preload."""
 
 
 def axes_along(axis: np.ndarray) -> np.ndarray:
@@ -75,3 +82,45 @@ def matrix_member(
     length, stiffness_scale = float(np.linalg.norm(arm)), float(np.abs(K[:3, :3]).max())
     offset = points - places[list(nodes)]
     return _member(f"link '{name}'", LINEAR, nodes, offset, axes, value, length, stiffness_scale)
+
+
+def spring_length(arrays: Arrays, motion: State, i: int) -> float | None:
+    """Length [m] of spring i, of a torsion spring its angle [rad] with whole turns; None of a link with a matrix."""
+    ends = table_ends(arrays.springs, motion, i)
+    if arrays.springs.kind[i] == COIL:
+        return math.sqrt(float(ends.d @ ends.d))
+    if arrays.springs.kind[i] == TORSION:
+        _, _, z, w = Rotation.from_matrix(ends.Q).as_quat()
+        return float(nearest_turn(2.0 * math.atan2(z, w), motion.angle[len(arrays.terms.node) + i]))
+    return None
+
+
+def energy_of_one_spring(arrays: Arrays, motion: State, i: int) -> float:
+    """Energy [J] of spring i: k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or W xi + xi K xi / 2."""
+    springs, length = arrays.springs, spring_length(arrays, motion, i)
+    value, ends = springs.value[springs.value_at[i] :], table_ends(springs, motion, i)
+    if length is not None:
+        return 0.5 * float(value[0]) * (length - float(value[1])) ** 2
+    turned = Rotation.from_matrix(ends.Q @ value[3:12].reshape(3, 3).T).as_rotvec()
+    xi = np.concatenate([ends.d - value[:3], turned])
+    return float(value[12:18] @ xi + 0.5 * xi @ value[18:54].reshape(6, 6) @ xi)
+
+
+def is_preloaded(arrays: Arrays, rest: State, i: int) -> bool:
+    """Whether spring i, which is no link with a matrix, exerts a force in the undeformed configuration."""
+    springs = arrays.springs
+    unit = {COIL: arrays.size**2, TORSION: 1.0}.get(int(springs.kind[i]))
+    bound = ZERO_ENERGY * float(springs.value[springs.value_at[i]])
+    return unit is not None and energy_of_one_spring(arrays, rest, i) > bound * unit
+
+
+def relax_spring(arrays: Arrays, motion: State, i: int) -> None:
+    """Change the constants of spring i so that it carries no force at `motion`."""
+    springs, length = arrays.springs, spring_length(arrays, motion, i)
+    here, ends = springs.value[springs.value_at[i] :], table_ends(springs, motion, i)
+    if length is not None:
+        here[1] = length
+    else:
+        # position and rotation at rest, then the wrench there
+        here[:3], here[3:12] = ends.d, ends.Q.ravel()
+        here[12:18] = 0.0

@@ -21,7 +21,7 @@ from ksd.answers.tangent import (
     stored_matrix,
 )
 from ksd.errors import KinematicsError
-from ksd.model.arrays import LINEAR, SOLID, State, Workspace
+from ksd.model.arrays import State, Workspace
 from ksd.model.compile import Model
 from ksd.numerics.indefinite import equilibration, negative_inertia
 
@@ -40,7 +40,7 @@ def path_tangent(model: Model, motion: State, factor: float, work: Workspace, in
     arrays = model.arrays
     skew = skew_block(arrays, motion, factor, work)
     assembled = AssembledTangent(model, motion, arrays, work.matrix.copy(), inside, skew, work)
-    if arrays.plan.unknowns > MAX_DENSE and model.kinds.isdisjoint((SOLID, LINEAR)):
+    if arrays.plan.unknowns > MAX_DENSE and not model.has_closed_bodies:
         found, pivot = factor_released(assembled)
         if pivot > MIN_PIVOT:
             return found

@@ -23,7 +23,7 @@ from ksd.answers.leaf_groups import chain_groups, elastic_stiffness, end_frames,
 from ksd.answers.printing import format_number
 from ksd.checks import show
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import COROTATIONAL, State, carries_load
+from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model, compile_scene
 from ksd.numerics.kernel import kernel
 from ksd.numerics.stopwatch import Stopwatch
@@ -133,7 +133,7 @@ def _has_larger_force(inner: Array, place: NDArray[np.int64], bound: Array) -> b
 
 def compression(model: Model, motion: State) -> float:
     """Largest compression of a leaf spring along its chord over pi^2 EI / L^2; 0 where it is below `MAX_COMPRESSION`."""
-    if COROTATIONAL not in model.kinds and not _has_larger_force(motion.inner, *_buckling_bounds(model)):
+    if not model.chains and not _has_larger_force(motion.inner, *_buckling_bounds(model)):
         return 0.0
     wrenches, euler = end_wrenches(model, motion)[:, :3], _euler_forces(model)
     d = end_frames(model, motion, slice(None)).d

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ksd.answers.forces import energy_of_one_spring
+from ksd.answers.forces import spring_energy
 from ksd.solvers.motion import STEP_RTOL, Motion, Taken
 from ksd.solvers.motion_run import Marcher, Run, term_values
 from ksd.solvers.time_steps import SCALARS
@@ -71,8 +71,7 @@ def _energies(motion: Motion, run: Run, rows: Taken, states: Array, trace_of: An
     springs = np.zeros(len(rows.t))
     if model.spring_names:
         for k, row in enumerate(states):
-            state = state_of_row(row, model.rest)
-            springs[k] = sum(energy_of_one_spring(model, state, i) for i in range(len(model.spring_names)))
+            springs[k] = sum(spring_energy(model, state_of_row(row, model.rest)).values())
     kinetic, strain = rows.scalars[:, 0], rows.scalars[:, 1] + springs
     gravity = -(rows.scalars[:, 4:7] - rows.scalars[0, 4:7]) @ motion.gravity
     power = rows.scalars[:, 2] + rows.scalars[:, 3]

@@ -22,7 +22,7 @@ from ksd.answers.tangent import row_values
 from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
-from ksd.model.arrays import TORSION, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raise_order
@@ -352,8 +352,8 @@ def _prescribed_pose(solver: Solver, model: Model, poses_by_node: LinkPoses, met
 def _uncertain_turns(model: Model, state: State) -> Iterator[str]:
     """A sentence per torsion spring that the poses of its links, within half a turn each, turn by half a turn or more."""
     angles = relative_angles(model.arrays, state)[len(model.arrays.terms.node) :]
-    for name, kind, angle in zip(model.spring_names, model.arrays.springs.kind, angles.tolist(), strict=True):
-        if kind == TORSION and abs(angle) > math.pi * (1.0 - PLANE_TOLERANCE):
+    for name, angle in zip(model.spring_names, angles.tolist(), strict=True):
+        if abs(angle) > math.pi * (1.0 - PLANE_TOLERANCE):
             other = angle - math.copysign(2.0 * math.pi, angle)
             yield (
                 f"poses: {name} counts as turned by {math.degrees(angle):.4g} deg, as its links turn by at most half a turn "

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from inspect import signature
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -255,6 +255,17 @@ def solve_on_adequate_mesh(
     return found
 
 
+class Asked(NamedTuple):
+    """Drive values, and how to solve at them; see `ksd.solve`."""
+
+    values: Mapping[str, float]
+    method: str | None
+    accuracy: float
+    relinearisations: int
+    estimate: bool
+    start: Configuration | None
+
+
 class Solver:
     """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage that all solves reuse.
 
@@ -389,36 +400,29 @@ class Solver:
         A first solve also loads kernels, or compiles them, so it is repeated for its own times; the rest is
         `Configuration.kernel_time`.
         """
-        words = (values, method, accuracy, relinearisations, estimate, start)
+        asked = Asked(values, method, accuracy, relinearisations, estimate, start)
         with self.lock:
             clock = Stopwatch()
-            found, first = self._answer(*words), clock()
+            found, first = self._answer(asked), clock()
             kind = self._kind(found)
             if kind not in _LOADED:
                 _LOADED.add(kind)
                 if found.iterations <= MAX_REPEATED:
-                    found = self._answer(*words)
+                    found = self._answer(asked)
                     found = replace(found, kernel_time=max(first - clock(), 0.0))
             return found
 
-    def _answer(
-        self,
-        values: Mapping[str, float],
-        method: str | None,
-        accuracy: float,
-        relinearisations: int,
-        estimate: bool,
-        start: Configuration | None,
-    ) -> Configuration:
-        _check_method(method, relinearisations)
+    def _answer(self, asked: Asked) -> Configuration:
+        method, start = asked.method, asked.start
+        _check_method(method, asked.relinearisations)
         if not has_contacts(self.model.original_scene):
-            return self._without_contacts(values, method, accuracy, relinearisations, estimate, start)
-        drives, own = split_values(self.model, values)
+            return self._without_contacts(asked)
+        drives, own = split_values(self.model, asked.values)
         free: Configuration | None = None
         reason: Exception | None = None
         if start is None or start.touched is None or not start.touched.closed:
             try:
-                found = self._free_pose(drives, method, accuracy, relinearisations, estimate, start)
+                found = self._free_pose(asked._replace(values=drives))
                 free = without_contact_forces(found, own, self.storage)
                 if free is not None and free.stable and not free.doubts:
                     return free
@@ -447,36 +451,26 @@ class Solver:
             _refuse_loose(found)
         return found
 
-    def _free_pose(self, values: Mapping[str, float], *words: Any) -> Configuration:
+    def _free_pose(self, asked: Asked) -> Configuration:
         """`_without_contacts`, solved once for all contacts that are exchanged."""
-        if self._free is None or words[-1] is not None:
-            return self._without_contacts(values, *words)
-        key = (*values.items(), *words)
+        if self._free is None or asked.start is not None:
+            return self._without_contacts(asked)
+        key = (*asked.values.items(), *asked[1:])
         if key not in self._free:
-            self._free[key] = self._without_contacts(values, *words)
+            self._free[key] = self._without_contacts(asked)
         return replace(self._free[key], model=self.model)
 
-    def _without_contacts(
-        self,
-        values: Mapping[str, float],
-        method: str | None,
-        accuracy: float,
-        relinearisations: int,
-        estimate: bool,
-        start: Configuration | None,
-    ) -> Configuration:
+    def _without_contacts(self, asked: Asked) -> Configuration:
         """Solve by a method, stops and cables left aside."""
+        values, method, start = asked.values, asked.method, asked.start
         try:
             self._check_turns(values, start, method)
             if method == "constant":
-                return self._by_constant_leaves(values, estimate, start)
+                return self._by_constant_leaves(values, asked.estimate, start)
             if self._has_bodies():
-                return self._with_reduced_bodies(values, method, relinearisations, estimate)
+                return self._with_reduced_bodies(asked)
             found, plate_solver = solve_with_secants(
-                self,
-                lambda s: s._solve(values, method, accuracy, relinearisations, estimate, start),
-                0.1 * accuracy,
-                modal=method == "modal",
+                self, lambda s: s._solve(asked), 0.1 * asked.accuracy, modal=method == "modal"
             )
             if start is not None or method is None or not needs_load_step_check(found):
                 return found
@@ -565,10 +559,9 @@ class Solver:
         """Whether the mechanism has reduced bodies, whatever the method."""
         return bool(self.model.bodies) or (self.basis is not None and has_solids(self.basis))
 
-    def _with_reduced_bodies(
-        self, values: Mapping[str, float], method: str | None, relinearisations: int, estimate: bool
-    ) -> Configuration:
+    def _with_reduced_bodies(self, asked: Asked) -> Configuration:
         """Solve with reduced bodies; method "modal" condenses the joints, None or "conventional" solves in load steps."""
+        values, method = asked.values, asked.method
         if method not in (None, "conventional", "modal"):
             raise SceneError(
                 f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "
@@ -586,21 +579,14 @@ class Solver:
                     extrapolate=self.extrapolate,
                 )  # fmt: skip
             found = self._reduced[condense_joints](
-                values, relinearisations=relinearisations, order=self.order
+                values, relinearisations=asked.relinearisations, order=self.order
             )
         found = with_plane_check(replace(found, method=method or "conventional"))
-        return with_error_indicator(found) if estimate else found
+        return with_error_indicator(found) if asked.estimate else found
 
-    def _solve(
-        self,
-        values: Mapping[str, float],
-        method: str | None,
-        accuracy: float,
-        relinearisations: int,
-        estimate: bool,
-        start: Configuration | None,
-    ) -> Configuration:
-        """Solve by a method, or when None by the fastest one; target values and options as in `ksd.solve`."""
+    def _solve(self, asked: Asked) -> Configuration:
+        """Solve by a method, or when None by the fastest one."""
+        values, method, start = asked.values, asked.method, asked.start
         if start is not None and method in (None, "conventional"):
             return solve_conventional(
                 self.model,
@@ -611,14 +597,14 @@ class Solver:
                 joints=self.joint_motions,
             )
         if method is None:
-            return self._fastest(values, accuracy)
+            return self._fastest(values, asked.accuracy)
         if method == "conventional":
             return self.by_load_steps(values)
         if method == "modal":
-            return self._with_reduced_bodies(values, method, relinearisations, estimate)
+            return self._with_reduced_bodies(asked)
         target = self.model.targets(values)
         return self.five_steps(
-            values, target, method=method, relinearisations=relinearisations, estimate=estimate
+            values, target, method=method, relinearisations=asked.relinearisations, estimate=asked.estimate
         )
 
     @cached_property

@@ -12,18 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.derived import cached_per_model
-from ksd.answers.forces import energy_of_one_spring
 from ksd.answers.printing import axis_in_words, describe_node_motion, node_travel
 from ksd.answers.tangent import assemble_tangent, row_gradients
-from ksd.model.arrays import COIL, TORSION, State, make_workspace
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, solve_equilibrium
+from ksd.model.springs import is_preloaded
 from ksd.numerics.rotations import rotation_log
 from ksd.solvers.steps import EITHER_SIDE, MAX_TURN_PER_STEP, Stop
 
 Array = NDArray[np.float64]
-ZERO_ENERGY = 1e-15
-"""Energy of a spring relative to its stiffness (of a coil spring, times the size squared) up to which it has no preload."""
 ROUNDING_TOLERANCE = 1e-9
 """Stiffness relative to the largest one below which it is rounding."""
 MAX_ITERATIONS = 10
@@ -102,7 +100,8 @@ def unstable_shape(model: Model, motion: State, factor: float) -> tuple[int, Arr
 
 def strain_causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Causes of strain in the undeformed configuration, in words: internal ones, and loads."""
-    springs, scene = _preloaded_springs(model), model.original_scene
+    scene = model.original_scene
+    springs = [n for i, n in enumerate(model.spring_names) if is_preloaded(model.arrays, model.rest, i)]
     stressed = any(f.condition is not None for f in model.scene.leaf_names().values())
     inner = {
         f"the preload of {', '.join(springs)}": springs,
@@ -111,18 +110,6 @@ def strain_causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     }
     loads = {"loads": len(model.arrays.loads.node), "weight": len(model.arrays.weight)}
     return tuple(c for c, there in inner.items() if there), tuple(c for c, there in loads.items() if there)
-
-
-def _preloaded_springs(model: Model) -> tuple[str, ...]:
-    """Names of the springs that exert a force in the undeformed configuration."""
-    springs = model.arrays.springs
-    found = []
-    for i, name in enumerate(model.spring_names):
-        unit = {COIL: model.arrays.size**2, TORSION: 1.0}.get(int(springs.kind[i]))
-        stiffness = float(springs.value[springs.value_at[i]])
-        if unit is not None and energy_of_one_spring(model, model.rest, i) > ZERO_ENERGY * stiffness * unit:
-            found.append(name)
-    return tuple(found)
 
 
 def multiple_minima_note(model: Model, motion: State, stable: bool) -> str:

@@ -17,9 +17,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import KsdError, SceneError
-from ksd.model.arrays import PLANAR
 from ksd.model.chosen_effects import INTRINSIC_EFFECTS, EffectChoice, choose_effects, mentioned_effects
-from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.solvers.solver import Solver
 
@@ -51,17 +49,6 @@ class EffectCost:
             largest = max(abs(on), abs(off))
             changes[quantity] = (on - off) / largest if largest > 0.0 else 0.0
         return changes
-
-
-def unknown_count(model: Model) -> int:
-    """Number of unknowns of a model, those condensed inside its leaves included; of its planar model where it has one."""
-    plane = model.plane
-    arrays = model.arrays if isinstance(plane, str) else plane.arrays
-    members = arrays.members
-    inner = np.diff(members.inner_at)
-    # a leaf of a planar model has its amplitudes of weak bending and three components of its wrench
-    inner[members.kind == PLANAR] = members.number[members.kind == PLANAR, 0] + 3
-    return int(arrays.plan.unknowns + inner.sum())
 
 
 def _compared_quantities(pose: Any) -> dict[str, float]:
@@ -124,7 +111,7 @@ def _cost_of(
         raise
     except KsdError as reason:
         return EffectCost(name, is_simulated, {}, {}, failure=str(reason))
-    counts = (unknown_count(pair[0].model), unknown_count(pair[1].model))
+    counts = (pair[0].model.unknown_count, pair[1].model.unknown_count)
     return EffectCost(name, is_simulated, answers[0], answers[1], times, counts)
 
 

@@ -6,10 +6,10 @@ from effect_scenes import free_beam
 from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.answers.forces import energy_of_one_spring
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.model.springs import energy_of_one_spring
 from ksd.numerics.rotations import rotation_exp
 from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
@@ -67,7 +67,7 @@ def test_springs_pull_by_the_gradient_of_their_energy():
         rotation_exp(np.array(step[3:]), T)
         x, R = motion.x.copy(), motion.R.copy()
         x[node], R[node] = point + step[:3] + T @ (x[node] - point), T @ R[node]
-        return energy_of_one_spring(model, motion._replace(x=x, R=R), i)
+        return energy_of_one_spring(model.arrays, motion._replace(x=x, R=R), i)
 
     assert len(model.spring_names) == 4
     for i, name in enumerate(model.spring_names):

@@ -10,7 +10,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.cli import main
-from ksd.study.effect_cost import _solve_times, effect_cost, unknown_count
+from ksd.study.effect_cost import _solve_times, effect_cost
 
 FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 
@@ -61,8 +61,8 @@ def test_unknowns_are_those_solved_for():
     model = ksd.compile_scene(fourbar())
     spatial = ksd.compile_scene(fourbar(), with_="spatial")
     inner = model.arrays.members.inner_at[-1]
-    assert unknown_count(spatial) == 18 + 1 + inner == 247
-    assert unknown_count(model) == 9 + 1 + 12 * 9
+    assert spatial.unknown_count == 18 + 1 + inner == 247
+    assert model.unknown_count == 9 + 1 + 12 * 9
 
 
 def test_the_command(tmp_path, capsys, monkeypatch):
