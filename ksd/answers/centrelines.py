@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ksd.answers.derived import cached_per_model
 from ksd.answers.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames, local_loads
-from ksd.elements.strain_centreline import integrate_centrelines
+from ksd.elements.strain_centreline import integrate_centrelines, strains_at
 from ksd.elements.strain_values import loads_beyond
 from ksd.model.arrays import State
 from ksd.model.compile import Model
@@ -104,13 +104,9 @@ def _interpolated(tables: _LeafTables, values: Array, x: Array, k: int) -> Array
 def strains_along(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> tuple[Array, Array]:
     """Curvature (n, 3) [1/m] about e1, e2, e3, and compliance (n, 3) [1/N] of stretch and shear, of a strain-mode leaf at
     fractions s (n,) in 0..1 of its length."""
-    tables = _unpacked(value[None], number, inner[None, : int(number[:3].sum())])
-    panel = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
-    found = np.empty((2, len(s), 3))
-    for k in np.unique(panel).tolist():
-        own = panel == k
-        found[:, own] = [_interpolated(tables, v, s[own], k)[0] for v in (tables.kappa, tables.soft)]
-    return found[0], found[1]
+    kappa, soft = np.empty((len(s), 3)), np.empty((len(s), 3))
+    strains_at(value, number, inner, s, kappa, soft)
+    return kappa, soft
 
 
 def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
@@ -120,7 +116,8 @@ def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -
 
 def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
     """Fractions (ng,) of the length of a strain-mode leaf at which its modes are known."""
-    return _unpacked(value[None], number, np.zeros((1, int(number[:3].sum())))).s
+    ng, at = int(number[3]), 1 + int((number[:3] ** 2).sum() + number[:3].sum())
+    return _panels(value[at : at + ng * (1 + ng)].tobytes(), ng)[0]
 
 
 def fitted_amplitudes(value: Array, number: NDArray[np.int64], kappa: Array) -> Array:
@@ -128,13 +125,16 @@ def fitted_amplitudes(value: Array, number: NDArray[np.int64], kappa: Array) -> 
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total = nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + total + ng * (1 + ng)
-    basis, cuts = (
-        value[at : at + total * ng].reshape(total, ng),
-        (slice(0, nx), slice(nx, nx + ny), slice(nx + ny, total)),
-    )
-    return np.concatenate(
-        [np.linalg.lstsq(basis[c].T, kappa[:, k], rcond=None)[0] for k, c in enumerate(cuts)]
-    )
+    fits = _mode_fits(value[at : at + total * ng].tobytes(), (nx, ny, nz))
+    return np.concatenate([fit @ kappa[:, k] for k, fit in enumerate(fits)])
+
+
+@lru_cache(maxsize=512)
+def _mode_fits(basis_bytes: bytes, numbers: tuple[int, int, int]) -> list[Array]:
+    """Matrices (modes, ng) from curvatures at the quadrature points to the nearest amplitudes about e1, e2, e3, from the
+    bytes of the modes there and their numbers."""
+    basis = np.frombuffer(basis_bytes).reshape(sum(numbers), -1)
+    return [np.asarray(np.linalg.pinv(own.T), float) for own in np.split(basis, np.cumsum(numbers)[:2])]
 
 
 def cross_rows(a: Array, b: Array) -> Array:

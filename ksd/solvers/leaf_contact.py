@@ -22,7 +22,7 @@ from ksd.answers.centrelines import (
     quadrature_points,
     strains_along,
 )
-from ksd.elements.strain_centreline import integrate_centrelines
+from ksd.elements.strain_centreline import follow_centreline
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is
@@ -188,19 +188,9 @@ def section_pose(model: Model, motion: State, leaf: Leaf, s: float) -> tuple[Arr
     value, number, inner = member_arrays(model, motion, i)
     ends, share, total = member_ends(model, motion, i), (s - start) / (end - start), int(number[:3].sum())
     begin, place, axes = (0.0, np.zeros(3), np.eye(3)) if share < 0.5 else (1.0, ends.d, ends.Q)
-    x = np.linspace(begin, share, 2 * SAMPLES + 1)
-    middle, gauss = 0.5 * (x[1:] + x[:-1]), (share - begin) / (4.0 * math.sqrt(3.0) * SAMPLES)
-    kappa, _ = strains_along(value, number, inner, np.concatenate([middle - gauss, middle + gauss]))
-    _, soft = strains_along(value, number, inner, x)
-    R, v, h = (
-        np.empty((1, len(x), 3, 3)),
-        np.empty((1, len(x), 3)),
-        value[0] * (share - begin) / (2 * SAMPLES),
-    )
-    force = np.tile(inner[total : total + 3], (1, len(x), 1))
-    integrate_centrelines(kappa[None], soft[None], force, np.array([h]), axes[None].copy(), R, v)
-    place = place + h / 3.0 * (v[0, :-2:2] + 4.0 * v[0, 1::2] + v[0, 2::2]).sum(axis=0)
-    return ends.start + ends.frame @ place, ends.frame @ R[0, -1] @ leaf.section_at(s / leaf.length)[1].T
+    place, axes = place.copy(), axes.copy()
+    follow_centreline(value, number, inner, inner[total : total + 3], begin, share, SAMPLES, place, axes)
+    return ends.start + ends.frame @ place, ends.frame @ axes @ leaf.section_at(s / leaf.length)[1].T
 
 
 def node_poses(model: Model, motion: State, places: Mapping[str, float]) -> dict[str, tuple[Array, Array]]:
