@@ -92,8 +92,8 @@ class ContactNewton:
         self.data = self.what.data
         self.before = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
-    def cut(self, model: Model, motion: State) -> None:
-        """Go over to a model cut elsewhere, at a state of it."""
+    def cut(self, model: Model, motion: State, what: Touching | None = None) -> None:
+        """Go over to a model cut elsewhere, at a state of it; what: its tables there, where they are known."""
         if model is not self.model:
             if not np.array_equal(model.arrays.ints, self.links):
                 # a leaf is cut beyond another node of it
@@ -104,7 +104,7 @@ class ContactNewton:
                 getattr(own.members, name)[:] = getattr(made.members, name)
             own.weight[:] = made.weight
         if self.what.strips:
-            what = self.what = self.what.on_strips(model, motion)
+            what = self.what = what or self.what.on_strips(model, motion)
             self.data, self.rest_data = what.data, what.with_values(np.array(list(what.values.values())))
 
     def poses(self, motion: State) -> tuple[Array, Array]:

@@ -142,7 +142,7 @@ def solve_with_contact(
         newton.cut(cut, begin)
         record = take_load_steps(motion, newton.newton, path, begin=begin)
         if record.stop is Stop.CONVERGED:
-            space.cut(newton.model, motion)
+            space.cut(newton.model, motion, newton.what)
             space.forces, space.data = newton.forces, newton.data
             residual, unstable = space.check(motion, path.target, path.factors[1], newton.before)
             if residual <= max(1.0, 2.0 * record.residual):

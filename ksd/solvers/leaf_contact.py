@@ -90,6 +90,13 @@ def rest_curvature(leaf: Leaf, s: float) -> Array:
     return np.zeros(3) if leaf.curve is None else leaf.curve.curvatures([s / leaf.length])[0]
 
 
+def strip_numbers(strip: Strip, s: float, kappa: Array) -> tuple[float, ...]:
+    """Of the strip on the node at arc length s [m]: its curvature [1/m] from kappa (3,) of the leaf, and where the leaf
+    begins and ends from there [m]."""
+    side = strip.side
+    return kappa[0], side * kappa[1], side * kappa[2], -s, strip.leaf.length - s
+
+
 def strip_surface(strip: Strip, s: float, kappa: Array) -> Surface:
     """The strip on the node at arc length s [m], with the curvature kappa (3,) [1/m] about e1, e2, e3."""
     leaf, side = strip.leaf, strip.side
@@ -97,8 +104,9 @@ def strip_surface(strip: Strip, s: float, kappa: Array) -> Surface:
     thickness, width = _sizes(leaf, s)
     step = 1e-4 * leaf.length
     slope = (_sizes(leaf, s + step)[0] - _sizes(leaf, s - step)[0]) / (2.0 * step)
-    own = (kappa[0], side * kappa[1], side * kappa[2], -s, leaf.length - s)
-    shape = ContactShape("strip", (0.5 * thickness, 0.5 * slope, 0.5 * width), (own,))
+    shape = ContactShape(
+        "strip", (0.5 * thickness, 0.5 * slope, 0.5 * width), (strip_numbers(strip, s, kappa),)
+    )
     at, axis, toward = (tuple(v.tolist()) for v in (place, side * axes[:, 2], axes[:, 0]))
     return Surface(leaf.name, strip.node, shape, at, axis, toward)
 

@@ -18,6 +18,7 @@ from ksd.model.contact_step import look_at_gaps
 from ksd.model.gaps import (
     BALL,
     CABLE,
+    CORNERS,
     ELLIPSOID,
     FIRST,
     FRICTION,
@@ -48,6 +49,7 @@ from ksd.solvers.leaf_contact import (
     nearest_station,
     places_of,
     rest_curvature,
+    strip_numbers,
     strip_surface,
     strips,
 )
@@ -139,12 +141,15 @@ class Touching:
             return self
         data, places = self.data.copy(), places_of(model)
         for strip in strips(model):
-            s = places[strip.node]
+            s, at = places[strip.node], self.strips[strip.node]
+            kappa = curvatures(model, motion, strip.leaf, np.array([s]))[0]
+            if strip.leaf.curve is None and strip.leaf.profile is None:
+                data[at + CORNERS : at + CORNERS + 5] = strip_numbers(strip, s, kappa)
+                continue
             numbers = _numbers(
-                strip_surface(strip, s, curvatures(model, motion, strip.leaf, np.array([s]))[0]),
-                model.rest.x[model.node_names.index(strip.node)],
+                strip_surface(strip, s, kappa), model.rest.x[model.node_names.index(strip.node)]
             )
-            data[self.strips[strip.node] :][: len(numbers)] = numbers
+            data[at : at + len(numbers)] = numbers
         return replace(self, data=data)
 
     def count_turns(self, data: Array, arrays: Arrays, motion: State) -> None:
