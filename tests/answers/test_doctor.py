@@ -8,7 +8,7 @@ from hard_scenes import askew, cantilever, guide
 from scenes import STEEL, fourbar, single_joint
 
 import ksd
-from ksd.answers.doctor import leaf_spring, stiff_directions
+from ksd.answers.rest_constraints import leaf_spring, stiff_directions
 from ksd.cli import main
 
 SHEET = {"section": ksd.rectangle(0.5e-3, 0.03), "material": STEEL, "width_axis": "z"}
