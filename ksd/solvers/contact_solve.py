@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model
 from ksd.model.contact_step import look_at_gaps
+from ksd.model.newton import CONVERGED, RTOL, solve_equilibrium
 from ksd.model.plane import Plane
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.obstacle import check_limits
@@ -23,11 +25,13 @@ from ksd.solvers.contact_newton import MAX_CUTS, ContactNewton
 from ksd.solvers.contact_state import Touched
 from ksd.solvers.leaf_contact import cut_at, cut_state, places_of, strips
 from ksd.solvers.load_steps import LoadPath, LoadStepRecord, as_step, take_load_steps
-from ksd.solvers.steps import Stop
+from ksd.solvers.steps import MAX_TURN_PER_STEP, Stop
 from ksd.solvers.storage import NewtonStorage, thread_storage
 from ksd.solvers.touching import Touching, contact_model, cut_model, touching
 
 Array = NDArray[np.float64]
+MAX_ONE_STEP_ITERATIONS = 10
+"""Newton iterations of a solve that is tried in one load step, at most."""
 NO_POSES = np.zeros((0, 3)), np.zeros((0, 3, 3))
 """Poses at the last equilibrium where there is none but this."""
 
@@ -89,6 +93,29 @@ def without_contact_forces(
     # the result is new, and no one else has it
     found.__dict__["touched"] = Touched(what, values, newton.none, out, closed=False)
     return found
+
+
+def act_at_once(
+    model: Model, drives: Mapping[str, float], values: Mapping[str, float], storage: NewtonStorage
+) -> bool:
+    """Whether stops, cables or contacts act in the equilibrium that Newton's method finds without them in the plane, from
+    rest in one step of few iterations, so that the solve without them need not be judged."""
+    plane, newton, target = model.plane, _spatial(model, storage), model.targets(drives)
+    what = newton.what
+    if not isinstance(plane, Plane) or what.strips or what.counts_turns or model.turn_to_guess(target):
+        return False
+    motion, work = model.rest.copy(), storage.planar(plane)
+    reason, _, _, negatives, _ = solve_equilibrium(
+        plane.arrays, motion, target, 1.0, work, RTOL, MAX_ONE_STEP_ITERATIONS, MAX_TURN_PER_STEP, math.inf
+    )
+    if reason != CONVERGED or negatives != len(plane.rows):
+        return False
+    data = newton.rest_data
+    if values is not what.values:
+        data = what.with_values(np.array(list(values.values())))
+    poses, out = newton.poses(motion), np.empty_like(newton.out)
+    nodes = np.arange(len(what.nodes))
+    return bool(look_at_gaps(what.pairs, data, what.bodies, nodes, *poses, *NO_POSES, out) < 0.0)
 
 
 def _nearest_cut(newton: ContactNewton, found: Configuration) -> tuple[Model, State]:

@@ -32,6 +32,8 @@ from ksd.scene.scene import Scene
 from ksd.solvers.actuation import Actuation, RequiredForces
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.contact_solve import (
+    MAX_ONE_STEP_ITERATIONS,
+    act_at_once,
     exchange_contacts,
     solve_with_contact,
     split_values,
@@ -79,8 +81,6 @@ MAX_REPEATED = 100
 """Iterations of a first solve up to which it is repeated to tell its times."""
 _LOADED: set[tuple[str, frozenset[int], bool]] = set()
 """Methods and kinds of members by which this process has solved, so that their kernels are loaded."""
-MAX_ONE_STEP_ITERATIONS = 10
-"""Newton iterations of a solve that is tried in one load step, at most."""
 MAX_RISES = 5
 """How often `solve` raises the orders of strain-mode leaves whose highest modes are not negligible, at most."""
 COMPILED_MODEL_MESSAGE = (
@@ -309,6 +309,8 @@ class Solver:
         self._drives = frozenset((*mechanism.drive_names, *contact_drives(mechanism.original_scene)))
         self._reduced: dict[bool, ReducedBodySolver] = {}
         self._free: dict[Any, Configuration] | None = None
+        # whether a stop, cable or contact acted in the last pose: then it is likely to act again
+        self._acted = False
         self.joint_motions = JointMotionReader(mechanism, records, extrapolate)
         self.lock = threading.RLock()
 
@@ -404,6 +406,7 @@ class Solver:
         with self.lock:
             clock = Stopwatch()
             found, first = self._answer(asked), clock()
+            self._acted = found.touched is not None and found.touched.closed
             kind = self._kind(found)
             if kind not in _LOADED:
                 _LOADED.add(kind)
@@ -420,7 +423,16 @@ class Solver:
         drives, own = split_values(self.model, asked.values)
         free: Configuration | None = None
         reason: Exception | None = None
-        if start is None or start.touched is None or not start.touched.closed:
+        at_once = (
+            self._acted
+            and start is None
+            and method in (None, "conventional")
+            and self._free is None
+            and self._is_planar
+            and not self._has_bodies()
+            and act_at_once(self.model, drives, own, self.storage)
+        )
+        if not at_once and (start is None or start.touched is None or not start.touched.closed):
             try:
                 found = self._free_pose(asked._replace(values=drives))
                 free = without_contact_forces(found, own, self.storage)
