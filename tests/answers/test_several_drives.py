@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from scenes import STEEL
-from test_modes import uncondensed
+from uncondensed import uncondensed
 
 import ksd
 from ksd.cli.report import _first_parasitic

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import STEEL
 from scipy.spatial.transform import Rotation
-from test_modes import uncondensed
+from uncondensed import uncondensed
 
 import ksd
 from ksd.answers.frequencies import frequencies
