@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
 
 from ksd.answers.centrelines import DEFAULT_STATIONS, centrelines, leaf_members, scene_leaves, solid_line
 from ksd.answers.derived import cached_per_model
@@ -498,6 +499,9 @@ def _outline(shape: ContactShape, turn: Array, size: float) -> Array:
     if shape.kind == "capsule":
         r, z = shape.sizes[0], shape.sizes[0] * o + 0.5 * shape.sizes[1] * np.sign(o)
         return np.concatenate([np.stack([r * c, flat, z], axis=1), np.stack([r * c, r * o, flat], axis=1)])
+    if shape.kind == "polyhedron":
+        faces = ConvexHull(np.array(shape.tips)).simplices
+        return np.array(shape.tips)[np.concatenate([faces, faces[:, :1]], axis=1).ravel()]
     if shape.points:
         return np.array([*shape.tips, shape.tips[0]])
     a, b, *more = shape.sizes if len(shape.sizes) > 1 else 3 * shape.sizes

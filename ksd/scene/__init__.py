@@ -1,4 +1,5 @@
-"""The description of mechanisms: materials, joints, links, drives, loads. Imports numpy, and scipy for splines, alone."""
+"""The description of mechanisms: materials, joints, links, drives, loads. Imports numpy, and scipy for splines and convex
+bodies, alone."""
 
 from ksd.scene.curve import Arc, Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive, DriveTerm

@@ -189,8 +189,13 @@ def check_pair(owner: str, a: Surface, b: Surface) -> None:
         raise SceneError(
             f"{owner}: both surfaces are on link '{a.link}', which cannot touch itself; name two links."
         )
-    bodies = {"ellipse", "ellipsoid", "box", "capsule"}
+    bodies = {"ellipse", "ellipsoid", "box", "capsule", "polyhedron"}
     known = a.shape.is_ball or b.shape.is_ball or kinds <= {"polygon", "wall"} or kinds - bodies == {"wall"}
+    if "polyhedron" in kinds and "wall" not in kinds:
+        raise SceneError(
+            f"{owner}: a polyhedron touches walls only, and no {min(kinds - {'polyhedron'}, default='other polyhedron')}; "
+            "give balls or points a box, capsule or ellipsoid."
+        )
     if not known or kinds == {"wall"} or kinds == {"point"}:
         raise SceneError(
             f"{owner}: a {a.shape.kind} and a {b.shape.kind} are not known to touch; one of them must be a disc, ball or "

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from ksd.checks import positive, show, vector
 from ksd.errors import SceneError
 
@@ -20,7 +22,7 @@ Points = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class ContactShape:
-    """A convex shape: its kind and its sizes [m], for a polygon its corners in order, anticlockwise."""
+    """A convex shape: its kind and its sizes [m], or its corners, of a polygon in order, anticlockwise."""
 
     kind: str
     sizes: tuple[float, ...] = ()
@@ -47,7 +49,7 @@ class ContactShape:
             )
         if self.kind == "capsule":
             return ((0.0, 0.0, -0.5 * self.sizes[1]), (0.0, 0.0, 0.5 * self.sizes[1]))
-        return tuple((*corner, 0.0) for corner in self.points)
+        return tuple((*corner, 0.0)[:3] for corner in self.points)
 
     @property
     def tip_radius(self) -> float:
@@ -122,3 +124,24 @@ def polygon(points: Iterable[Any]) -> ContactShape:
             f"polygon: points = {show(given)} are no convex polygon; leave out corners that point inwards, or make several."
         )
     return ContactShape("polygon", (), corners)
+
+
+def polyhedron(points: Iterable[Any]) -> ContactShape:
+    """The smallest convex body around points (x, y, z) [m], which walls touch at its corners.
+
+    Raises SceneError for points that enclose no volume.
+    """
+    given = points.tolist() if hasattr(points, "tolist") else points
+    if not isinstance(given, list | tuple) or len(given) < 4:
+        raise SceneError(f"polyhedron: points = {show(given)} must be at least four points (x, y, z) in m.")
+    # here, as it takes a tenth of a second that few scenes need
+    from scipy.spatial import ConvexHull, QhullError
+
+    own = np.array([vector(p, "point", owner="polyhedron", unit="m") for p in given])
+    try:
+        corners = ConvexHull(own).vertices
+    except QhullError:
+        raise SceneError(
+            f"polyhedron: points = {show(given)} enclose no volume; give the corners of a body."
+        ) from None
+    return ContactShape("polyhedron", (), tuple(tuple(p) for p in own[np.sort(corners)].tolist()))

@@ -204,7 +204,7 @@ REPORT: Schema = {"link": "text", "at": "length[3]", "along": "direction", "free
 
 CONTACT_SHAPES = {
     "point": (), "disc": ("radius",), "ball": ("radius",), "wall": (), "ellipse": ("semi_axes",), "polygon": ("points",),
-    "box": ("size",), "capsule": ("radius", "length"), "ellipsoid": ("semi_axes",),
+    "box": ("size",), "capsule": ("radius", "length"), "ellipsoid": ("semi_axes",), "polyhedron": ("points",),
 }  # fmt: skip
 """Keys of the sizes of a [[surface]] by its `shape`."""
 SHAPE_SIZES = ("radius", "semi_axes", "size", "length", "points")

@@ -118,7 +118,16 @@ def test_a_turned_box_stands_on_its_lowest_corner(tmp_path):
     assert pytest.approx(0.306426, rel=1e-5) == found.N
     assert found.place == pytest.approx((0.1176672, -0.007, 0.0014683), abs=1e-7)
     assert {line.get_gid() for line in pose.plot().axes[0].lines} >= {"surface"}
+    # the same body by its corners, one of them inside
+    body = ksd.shapes.polyhedron([*box.tips, (0.0, 0.0, 0.001)])
+    assert len(body.points) == 8
+    other, _ = pressed(body, axis=axes[:, 2], toward=axes[:, 0], height=height)
+    same = ksd.solve(other, x=0.0, y=-0.008, z=0.0)
+    (again,) = (c for c in same.contacts.values() if c.N > 0.0)
+    assert (again.N, *again.place) == pytest.approx((found.N, *found.place), rel=1e-12)
+    assert {line.get_gid() for line in same.plot().axes[0].lines} >= {"surface"}
     for name, shape in (
+        ("stone", ksd.shapes.polyhedron([(0, 0, 0), (1e-3, 0, 0), (0, 2e-3, 0), (0, 0, 3e-3)])),
         ("egg", ksd.shapes.ellipsoid(1e-3, 2e-3, 3e-3)),
         ("pill", ksd.shapes.capsule(1e-3, 2e-3)),
     ):
@@ -126,6 +135,18 @@ def test_a_turned_box_stands_on_its_lowest_corner(tmp_path):
     ksd.save_scene(scene, tmp_path / "s.toml")
     again, _, _ = ksd.load_scene(tmp_path / "s.toml")
     assert again.scene() == scene.scene()
+
+
+def test_a_polyhedron_has_a_volume_and_touches_walls_only():
+    with pytest.raises(ksd.SceneError, match="at least four points"):
+        ksd.shapes.polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    with pytest.raises(ksd.SceneError, match="enclose no volume"):
+        ksd.shapes.polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])
+    body = ksd.shapes.polyhedron([(0, 0, 0), (1e-3, 0, 0), (0, 2e-3, 0), (0, 0, 3e-3)])
+    with pytest.raises(ksd.SceneError, match="a polyhedron touches walls only, and no ball"):
+        pressed(BALL, below=(body, (0.1, 0, 0)))
+    with pytest.raises(ksd.SceneError, match="no other polyhedron"):
+        pressed(body, below=(body, (0.1, 0, 0)))
 
 
 def test_how_bodies_touch_is_not_known_to_small_motions():
