@@ -1,5 +1,4 @@
-"""The description of mechanisms: materials, joints, links, drives, loads. Imports numpy, and scipy for splines and convex
-bodies, alone."""
+"""The description of mechanisms: materials, joints, links, drives, loads. Imports numpy, and scipy for splines, alone."""
 
 from ksd.scene.curve import Arc, Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive, DriveTerm

@@ -134,14 +134,7 @@ def polyhedron(points: Iterable[Any]) -> ContactShape:
     given = points.tolist() if hasattr(points, "tolist") else points
     if not isinstance(given, list | tuple) or len(given) < 4:
         raise SceneError(f"polyhedron: points = {show(given)} must be at least four points (x, y, z) in m.")
-    # here, as it takes a tenth of a second that few scenes need
-    from scipy.spatial import ConvexHull, QhullError
-
-    own = np.array([vector(p, "point", owner="polyhedron", unit="m") for p in given])
-    try:
-        corners = ConvexHull(own).vertices
-    except QhullError:
-        raise SceneError(
-            f"polyhedron: points = {show(given)} enclose no volume; give the corners of a body."
-        ) from None
-    return ContactShape("polyhedron", (), tuple(tuple(p) for p in own[np.sort(corners)].tolist()))
+    own = tuple(vector(p, "point", owner="polyhedron", unit="m") for p in given)
+    if np.linalg.matrix_rank(np.array(own) - own[0], tol=1e-9 * np.ptp(own)) < 3:
+        raise SceneError(f"polyhedron: points = {show(given)} enclose no volume; give the corners of a body.")
+    return ContactShape("polyhedron", (), own)

@@ -120,7 +120,6 @@ def test_a_turned_box_stands_on_its_lowest_corner(tmp_path):
     assert {line.get_gid() for line in pose.plot().axes[0].lines} >= {"surface"}
     # the same body by its corners, one of them inside
     body = ksd.shapes.polyhedron([*box.tips, (0.0, 0.0, 0.001)])
-    assert len(body.points) == 8
     other, _ = pressed(body, axis=axes[:, 2], toward=axes[:, 0], height=height)
     same = ksd.solve(other, x=0.0, y=-0.008, z=0.0)
     (again,) = (c for c in same.contacts.values() if c.N > 0.0)
