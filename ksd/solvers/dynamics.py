@@ -26,7 +26,7 @@ from ksd.solvers.mass_at_ends import lowest_frequency_change, with_mass_at_ends
 from ksd.solvers.motion import Motion, dense_matrix
 from ksd.solvers.motion_record import trace_of_run
 from ksd.solvers.motion_run import Marcher, Run, segments
-from ksd.solvers.moving_model import HEAVY_LEAVES, MovingModel, moving_model
+from ksd.solvers.moving_model import HEAVY_LEAVES, MovingModel, moving_model, refuse_what_does_not_move
 from ksd.solvers.solver import solve
 from ksd.solvers.time_steps import SCALARS, Step, generalised_alpha
 from ksd.solvers.trace import Trace, state_of_row, with_load_factors
@@ -103,8 +103,15 @@ def _start(
     if isinstance(words.start, Configuration):
         pose = words.start
         own = getattr(pose, "moving", None) or pose.model
+        refuse_what_does_not_move(own)
+        if list(own.drive_names) != names or own.original_scene.links != scene.links:
+            raise SceneError(
+                "simulate: start is a pose of another mechanism, with other links or drives; give one of this mechanism"
+            )
         values |= {n: pose.targets[n] for n in names if words.drives.get(n) is None}
-        return compile_scene(scene, mesh=own.mesh) if words.mass_at_ends else own, pose.motion, values, ()
+        if words.mass_at_ends:
+            own = compile_scene(with_mass_at_ends(own.original_scene), mesh=own.mesh)
+        return own, pose.motion, values, ()
     model = compile_scene(scene, mesh=mesh)
     if words.start == "undeformed":
         return model, model.rest, values, ()

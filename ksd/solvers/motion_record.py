@@ -48,7 +48,7 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
     energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
     mass = moving.leaf_mass.sum() + sum(m.mass for m in model.scene.masses)
     rounding = 10.0 * np.finfo(float).eps * moving.arrays.size / np.diff(rows.t).min(initial=math.inf)
-    marcher.notes += _missing_energy(energy, float(mass * rounding**2))
+    marcher.notes += missing_energy(energy, float(mass * rounding**2))
     rates = np.gradient(values, rows.t, axis=0) if len(rows.t) > 1 else np.zeros_like(values)
     for i, f in enumerate(motion.drives):
         if callable(f):
@@ -117,7 +117,7 @@ def _work(motion: Motion, run: Run, rows: Taken, x: Array, R: Array, values: Arr
     return np.cumsum(done)
 
 
-def _missing_energy(energy: Mapping[str, Array], rounding: float) -> list[str]:
+def missing_energy(energy: Mapping[str, Array], rounding: float) -> list[str]:
     """A sentence where the balance of the energies lacks much of the kinetic energy, or of the largest change of another.
 
     rounding [J]: energy of speeds that are none.
@@ -126,7 +126,8 @@ def _missing_energy(energy: Mapping[str, Array], rounding: float) -> list[str]:
     most = max(most, float(energy["kinetic"].max()))
     level = max(float(np.abs(part).max()) for part in energy.values())
     lost = float(np.abs(energy["lost"]).max())
-    if lost <= max(MISSING_ENERGY * most, 10.0 * STEP_RTOL * level, rounding):
+    # where all that changes is what the tolerance of steps leaves of the energies, nothing moves
+    if most <= 10.0 * STEP_RTOL * level or lost <= max(MISSING_ENERGY * most, 1e-9 * level, rounding):
         return []
     supplied = float(
         np.ptp(energy["work"]) + np.ptp(energy["gravity"]) + energy["kinetic"][0] + energy["strain"][0]

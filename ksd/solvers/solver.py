@@ -337,8 +337,6 @@ class Solver:
         """Go over to a scene with other stops, cables and contacts, which is the same in all else."""
         before, self.model = self.model, replace(self.model, original_scene=scene)
         self.model.derived["plane"] = before.plane
-        for name in ("kinds", "conservative", "strain_leaves"):
-            vars(self.model)[name] = getattr(before, name)
         self._drives = frozenset((*self.model.drive_names, *contact_drives(scene)))
         for name in ("five_steps", "constant", "actuation"):
             self.__dict__.pop(name, None)

@@ -8,6 +8,7 @@ from scenes import STEEL, fourbar
 
 import ksd
 from ksd.solvers.mass_at_ends import with_mass_at_ends
+from ksd.solvers.motion_record import missing_energy
 
 FREE = {"drives": {"top": None}, "loads": {"push": ksd.Ramp(0.05)}}
 
@@ -66,6 +67,28 @@ def test_ends_on_internal_blocks_count_on_both_links():
     assert total == pytest.approx(own * 5 / 6, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("profile", "thickness"),
+    [
+        (ksd.Taper(thickness=(5e-4, 1e-4), width=(0.01, 0.01)), lambda s: 5e-4 - 4e-4 * s),
+        (None, lambda s: 5e-4 + 0.0 * s),
+    ],
+)
+def test_a_tapered_leaf_spring_keeps_its_centre(profile, thickness):
+    scene = ksd.Mechanism("blade")
+    tip = scene.link("tip")
+    base = scene.link("base")
+    foot = {"section": ksd.rectangle(1e-3, 0.01), "material": ksd.Material(E=200e9, nu=0.3)}
+    scene.leaf("ground", base, start=(-0.01, 0, 0), end=(0, 0, 0), name="foot", **foot)
+    blade = {"section": ksd.rectangle(5e-4, 0.01), "material": STEEL, "width_axis": "z", "profile": profile}
+    scene.leaf(base, tip, start=(0, 0, 0), end=(0.1, 0, 0), name="blade", **blade)
+    own = with_mass_at_ends(scene.scene()).masses
+    s = (np.arange(1000) + 0.5) / 1000
+    line = STEEL.density * 0.01 * thickness(s) * 0.1 / 1000
+    assert sum(m.mass for m in own) == pytest.approx(line.sum(), rel=1e-6)
+    assert sum(m.mass * m.at[0] for m in own) == pytest.approx(0.1 * (line @ s), rel=1e-6)
+
+
 def test_an_equilibrium_in_gravity_stays_where_it_is():
     scene = pushed()
     scene.gravity = (0, -9.81, 0)
@@ -104,6 +127,28 @@ def test_loss_factors_are_refused():
         ksd.simulate(ksd.Mechanism.of_joint(cross), 0.01, dt=1e-3, mass_at_ends=True, damping_at=5.0)
     with pytest.raises(ksd.SceneError, match="mass_at_ends"):
         ksd.simulate(pushed(), 0.01, dt=1e-3, mass_at_ends="yes")
+
+
+def test_loads_along_leaf_springs_and_poses_of_another_mechanism_are_refused():
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip", mass=0.1, inertia=(1e-4,) * 3, at=(0.1, 0, 0))
+    section = ksd.rectangle(1e-3, 0.01)
+    leaf = scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL)
+    pose = ksd.solve(scene)
+    for word in (False, True):
+        with pytest.raises(ksd.SceneError, match="start is a pose of another mechanism"):
+            ksd.simulate(pushed(), 0.01, dt=1e-3, start=pose, mass_at_ends=word)
+    scene.line_load(leaf, force=(0, 1.0, 0), name="snow")
+    with pytest.raises(ksd.SceneError, match="line load 'snow' acts on the inertia of leaf"):
+        ksd.simulate(scene, 0.01, dt=1e-3, mass_at_ends=True)
+
+
+def test_energy_is_missing_where_something_moves_beside_much_preload():
+    none, ramp = np.zeros(3), np.array([0.0, 0.5, 1.0])
+    rest = {"kinetic": none, "gravity": none, "work": none, "damped": none}
+    moves = {"strain": 1.0 + 1e-4 * ramp, "lost": -5e-6 * ramp}
+    assert "J are missing" in missing_energy(rest | moves, 0.0)[0]
+    assert missing_energy(rest | {"strain": 1.0 + 5e-6 * ramp, "lost": -3e-6 * ramp}, 0.0) == []
 
 
 def test_drawn_joints_keep_their_other_numbers():
