@@ -114,29 +114,6 @@ def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -
     return strains_along(value, number, inner, s)[0]
 
 
-def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
-    """Fractions (ng,) of the length of a strain-mode leaf at which its modes are known."""
-    ng, at = int(number[3]), 1 + int((number[:3] ** 2).sum() + number[:3].sum())
-    return _panels(value[at : at + ng * (1 + ng)].tobytes(), ng)[0]
-
-
-def fitted_amplitudes(value: Array, number: NDArray[np.int64], kappa: Array) -> Array:
-    """Amplitudes (N,) of a strain-mode leaf whose curvature is nearest to kappa (ng, 3) [1/m] at its `quadrature_points`."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
-    total = nx + ny + nz
-    at = 1 + nx * nx + ny * ny + nz * nz + total + ng * (1 + ng)
-    fits = _mode_fits(value[at : at + total * ng].tobytes(), (nx, ny, nz))
-    return np.concatenate([fit @ kappa[:, k] for k, fit in enumerate(fits)])
-
-
-@lru_cache(maxsize=512)
-def _mode_fits(basis_bytes: bytes, numbers: tuple[int, int, int]) -> list[Array]:
-    """Matrices (modes, ng) from curvatures at the quadrature points to the nearest amplitudes about e1, e2, e3, from the
-    bytes of the modes there and their numbers."""
-    basis = np.frombuffer(basis_bytes).reshape(sum(numbers), -1)
-    return [np.asarray(np.linalg.pinv(own.T), float) for own in np.split(basis, np.cumsum(numbers)[:2])]
-
-
 def cross_rows(a: Array, b: Array) -> Array:
     """Cross products (k, 3) of rows; b may be one row (3,). For few rows it takes a tenth of the time of `np.cross`."""
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

@@ -362,7 +362,6 @@ class Configuration(NotebookTables, EstimatedResult, metaclass=_WithoutInside):
         The error is that of method and mesh: the change to the answer at the equilibrium next to this state on a finer mesh.
         Raises ConvergenceError where that is not found.
         """
-        self._refuse_contact("an error by a finer mesh")
         return with_error(self, question)
 
     @small_matrices
@@ -582,7 +581,7 @@ INSIDE = frozenset(
         "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
         "set_equilibrium",
         "unreduced_equilibrium", "unreduced_state",
-        "with_contacts_held", "_acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
+        "with_contacts_held", "acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
     )
 )  # fmt: skip
 """Attributes of a configuration for other modules of the package only; `dir` leaves them out."""

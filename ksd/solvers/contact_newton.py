@@ -15,7 +15,8 @@ iterations that converge, until it is cut where it is touched (`ksd.solvers.leaf
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from ksd.model.newton import (
     has_converged,
     take_step,
 )
+from ksd.solvers.contact_state import Touched
 from ksd.solvers.leaf_contact import cut_at, cut_places, cut_state, node_poses, places_of, strips
 from ksd.solvers.steps import Stop
 from ksd.solvers.touching import Touching, contact_model
@@ -75,7 +77,7 @@ class ContactNewton:
     def _build(self, model: Model) -> None:
         """Arrays of a model, and where they have the bodies and contact forces."""
         what, self.model, self.links = self.what, model, model.arrays.ints
-        arrays = self.make(contact_model(model, what.nodes))
+        arrays = self._made(model)
         self.arrays, self.work, self.plan = arrays, make_workspace(arrays), arrays.plan.ints
         self.active = arrays.active_dofs
         moving, width = arrays.start[what.nodes] >= 0, len(self.active)
@@ -86,6 +88,10 @@ class ContactNewton:
             getattr(arrays.loads, name)[self.loads] for name in ("force", "moment", "block")
         )
 
+    def _made(self, model: Model) -> Arrays:
+        """Arrays of a model, with contact forces as its last loads."""
+        return self.make(contact_model(model, self.what.nodes))
+
     def begin(self, forces: Array) -> None:
         """Forget the solve before, and start from these contact forces (m, 3)."""
         self.forces, self.spring = forces.copy(), np.zeros(len(self.unknowns))
@@ -95,14 +101,12 @@ class ContactNewton:
     def cut(self, model: Model, motion: State, what: Touching | None = None) -> None:
         """Go over to a model cut elsewhere, at a state of it; what: its tables there, where they are known."""
         if model is not self.model:
-            if not np.array_equal(model.arrays.ints, self.links):
+            ints, moved = model.arrays.ints, model.derived.get("moved_cuts")
+            if ints is not self.links and not np.array_equal(ints, self.links):
                 # a leaf is cut beyond another node of it
                 self._build(model)
-            own, made, self.model = self.arrays, self.make(model), model
-            # nothing else depends on where leaf springs are cut
-            for name in ("offset", "frame", "value", "length", "stiffness_scale"):
-                getattr(own.members, name)[:] = getattr(made.members, name)
-            own.weight[:] = made.weight
+            made = self._made(model) if moved is None else moved.arrays(self, self._made, places_of(model))
+            self.arrays.floats[:], self.model = made.floats, model
         if self.what.strips:
             what = self.what = what or self.what.on_strips(model, motion)
             self.data, self.rest_data = what.data, what.with_values(np.array(list(what.values.values())))
@@ -130,13 +134,15 @@ class ContactNewton:
         max_steps: int,
         max_turn: float,
         limit: float,
+        before: tuple[Array, Array] | None = None,
     ) -> NewtonResult:
-        """Iterate to equilibrium as `ksd.model.newton.solve_equilibrium` does; `motion` begins at the last equilibrium.
+        """Iterate to equilibrium as `ksd.model.newton.solve_equilibrium` does.
 
-        values: those of drives and supports, then those of `Touching.values`.
+        values: those of drives and supports, then those of `Touching.values`. before: poses of the bodies at the last
+        equilibrium; None where `motion` begins there.
         """
         words = values, factor, rtol, max_steps, max_turn, limit
-        before = self.before = self.poses(motion)
+        x_last, R_last = before = self.before = self.poses(motion) if before is None else before
         if not self.what.strips:
             return self._iterate(motion, before, *words)
         model, forces, begin, total = self.model, self.forces.copy(), motion.copy(), 0
@@ -149,9 +155,13 @@ class ContactNewton:
             cut = cut_at(self.model, moved)
             motion.assign(cut_state(self.model, motion, cut))
             poses = node_poses(model, begin, moved)
+            before = self.before = x_last.copy(), R_last.copy()
             for k, node in enumerate(self.what.nodes.tolist()):
                 if (name := cut.node_names[node]) in poses:
-                    before[0][k], before[1][k] = poses[name]
+                    # moved along the leaf spring as it was at the beginning
+                    turn = R_last[k] @ begin.R[node].T
+                    before[0][k] += turn @ (poses[name][0] - begin.x[node])
+                    before[1][k] = turn @ poses[name][1]
             self.cut(cut, motion)
         else:
             reason = int(Stop.NO_PLACE)
@@ -262,6 +272,20 @@ class ContactNewton:
         # redundant contacts count as held
         negative = int((np.linalg.eigvalsh(small) < 1e-11).sum()) + q - len(small)
         return worst, int(own + inside) + negative - len(arrays.terms.start)
+
+    def found(self, values: Mapping[str, float], *, converged: bool = True) -> tuple[Model, Touched]:
+        """The model with the contact forces found as its loads, and these; values: as `Touching.values`."""
+        held = contact_model(self.model, self.what.nodes)
+        arrays = held.arrays.copy()
+        if converged:
+            arrays.loads.force[self.loads], arrays.loads.moment[self.loads] = self.push, self.turn
+        model = replace(held, arrays=arrays)
+        # known already, and asked by every pose
+        model.__dict__["conservative"] = self.model.conservative
+        model.derived["strips"] = strips(self.model)
+        forces = self.forces.copy()
+        closed = bool(forces[:, 0].any())
+        return model, Touched(self.what, dict(values), forces, self.out.copy(), self.before, closed=closed)
 
     def _stop(self, reason: Stop, n: int, worst: float, begin: Array) -> NewtonResult:
         """The result of a failed try, after which the forces are those before it."""

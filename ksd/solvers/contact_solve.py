@@ -23,7 +23,7 @@ from ksd.scene.obstacle import check_limits
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.contact_newton import MAX_CUTS, ContactNewton
 from ksd.solvers.contact_state import Touched
-from ksd.solvers.leaf_contact import cut_at, cut_state, places_of, strips
+from ksd.solvers.leaf_contact import cut_at, cut_state, places_of
 from ksd.solvers.load_steps import LoadPath, LoadStepRecord, as_step, take_load_steps
 from ksd.solvers.steps import MAX_TURN_PER_STEP, Stop
 from ksd.solvers.storage import NewtonStorage, thread_storage
@@ -91,7 +91,7 @@ def without_contact_forces(
     ):
         return None
     # the result is new, and no one else has it
-    found.__dict__["touched"] = Touched(what, values, newton.none, out, closed=False)
+    found.__dict__["touched"] = Touched(what, values, newton.none, out, NO_POSES, closed=False)
     return found
 
 
@@ -174,18 +174,7 @@ def solve_with_contact(
             residual, unstable = space.check(motion, path.target, path.factors[1], newton.before)
             if residual <= max(1.0, 2.0 * record.residual):
                 break
-    found = _pose(
-        newton.model if what.strips else model,
-        newton,
-        motion,
-        record,
-        unstable,
-        path,
-        drives,
-        values,
-        how,
-        clock(),
-    )
+    found = _pose(newton, motion, record, unstable, path, drives, values, how, clock())
     if record.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the solver stopped at {100 * record.fraction_reached:.3g} % of the way, with contact: "
@@ -261,25 +250,16 @@ def _spatial(model: Model, storage: NewtonStorage | None) -> ContactNewton:
 
 
 def _pose(
-    model: Model, newton: ContactNewton, motion: State, record: LoadStepRecord, unstable: int, path: LoadPath,
+    newton: ContactNewton, motion: State, record: LoadStepRecord, unstable: int, path: LoadPath,
     drives: Mapping[str, float], values: Mapping[str, float], how: str, time: float,
 ) -> Configuration:  # fmt: skip
     """The result of load steps with contact; its model has the contact forces as loads."""
-    reached, factor = path.values_at(record.fraction_reached)
+    model, (reached, factor) = newton.model, path.values_at(record.fraction_reached)
     rows, count = len(model.arrays.terms.start), len(model.drive_names)
     if record.fraction_reached < 1.0:
         drives = dict(zip(model.drive_names, reached[:count].tolist(), strict=True))
         values = dict(zip(values, reached[rows:].tolist(), strict=True))
-    held = contact_model(model, newton.what.nodes)
-    arrays = held.arrays.copy()
-    if record.stop is Stop.CONVERGED:
-        arrays.loads.force[newton.loads], arrays.loads.moment[newton.loads] = newton.push, newton.turn
-    forces = newton.forces.copy()
-    touched = Touched(newton.what, dict(values), forces, newton.out.copy(), closed=bool(forces[:, 0].any()))
-    loaded = replace(held, arrays=arrays)
-    # known already, and asked by every pose
-    loaded.__dict__["conservative"] = model.conservative
-    loaded.derived["strips"] = strips(model)
+    loaded, touched = newton.found(values, converged=record.stop is Stop.CONVERGED)
     found = Configuration(
         loaded, motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
         negatives=rows + unstable, expected_negatives=rows, load_factor=factor, touched=touched,

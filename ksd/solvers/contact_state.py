@@ -20,13 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Touched:
-    """Contact in a pose: the tables of what may touch, the values given by name, forces (m, 3) [N] and outputs (m, ...) of
-    `ksd.model.gaps.touch`."""
+    """Contact in a pose: the tables of what may touch, the values given by name, forces (m, 3) [N], outputs (m, ...) of
+    `ksd.model.gaps.touch`, and places (k, 3) [m] and rotations (k, 3, 3) of the bodies from which slip is measured."""
 
     what: Touching
     values: Mapping[str, float]
     forces: Array
     out: Array
+    before: tuple[Array, Array]
     closed: bool
 
 

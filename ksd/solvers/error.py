@@ -38,8 +38,10 @@ from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles
+from ksd.solvers.contact_state import Touched
 from ksd.solvers.full_bodies import full_equilibrium
 from ksd.solvers.method_error import newton_step_error, relative_error
+from ksd.solvers.near_contact import equilibrium_in_contact
 from ksd.solvers.result import Result, Solved
 from ksd.solvers.steps import FAST_METHODS, MAX_TURN_PER_STEP, ErrorEstimate, Stop
 
@@ -72,7 +74,7 @@ def error_estimate(pose: Result) -> ErrorEstimate | None:
         return _error_of_solids(pose, own) if can_remesh else replace(own, mesh=math.nan)
     model, motion = pose.unreduced_state
     target, factor = model.targets(pose.targets), pose.load_factor
-    _, refined_state, _ = refined_equilibrium(pose)
+    refined_state = _refined_in_contact(pose)[1] if pose.acts else refined_equilibrium(pose)[1]
     if refined_state is None:
         return _unknown_error(pose)
     found = relative_error(pose.model, pose.motion, refined_state)
@@ -140,6 +142,14 @@ def refined_equilibrium(pose: Result) -> tuple[Model, State | None, int]:
     return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
+def _refined_in_contact(pose: Result) -> tuple[Model, State | None, Touched | None]:
+    """`refined_equilibrium` of a pose in contact: model, state and contacts."""
+    model, motion = pose.unreduced_state
+    fine = refined_model(model)
+    state = _initial_state(model, motion, fine, pose.load_factor)
+    return equilibrium_in_contact(pose, fine, state) or (fine, None, None)
+
+
 def refined_configuration(pose: Solved) -> Solved:
     """The equilibrium on the refined mesh next to a state; for reduced solids that of the full
     solids, with twice the cells where they are small enough.
@@ -150,7 +160,11 @@ def refined_configuration(pose: Solved) -> Solved:
         cell_factor = 2.0 if _can_refine_solids(pose.model) else 1.0
         model, motion = _full_solid_equilibrium(pose, cell_factor=cell_factor)
         return replace(pose, model=model, motion=motion, method="conventional", method_error=None)
-    fine, state, negatives = refined_equilibrium(pose)
+    negatives, touched = pose.negatives, pose.touched
+    if pose.acts:
+        fine, state, touched = _refined_in_contact(pose)
+    else:
+        fine, state, negatives = refined_equilibrium(pose)
     if state is None:
         raise ConvergenceError(
             "the error of this answer is not known: Newton steps find no equilibrium next to it on a finer mesh; ask the "
@@ -158,7 +172,7 @@ def refined_configuration(pose: Solved) -> Solved:
         )
     return replace(
         pose, model=fine, motion=state, negatives=negatives, method="conventional", method_error=None,
-        method_was_chosen=False,
+        method_was_chosen=False, touched=touched,
     )  # fmt: skip
 
 

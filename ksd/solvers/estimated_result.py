@@ -28,19 +28,13 @@ class EstimatedResult(Result):
 
     @cached_property
     def error(self) -> ErrorEstimate | None:
-        """Estimated total error, that of the mesh included, computed when first read: `ksd.solvers.error.error_estimate`;
-        where stops or cables act it is not estimated."""
-        if self._acts:
-            return None
+        """Estimated total error, that of the mesh included, computed when first read: `ksd.solvers.error.error_estimate`."""
         return error_estimate(self)
 
     @cached_property
     def left_out(self) -> dict[str, dict[str, float]]:
         """Relative changes of "force", "displacement" and "support_stiffness" that plate stiffening and restrained warping
-        would make, by effect that is not in the model; computed when first read (`ksd.solvers.left_out`), empty where stops
-        or cables act."""
-        if self._acts:
-            return {}
+        would make, by effect that is not in the model; computed when first read (`ksd.solvers.left_out`)."""
         return left_out(self)
 
     @cached_property
@@ -63,9 +57,7 @@ class EstimatedResult(Result):
         """Which of several minima this is, in a sentence, where the undeformed configuration is unstable under preload,
         heat, assembly errors or loads; empty elsewhere."""
         return (
-            ""
-            if self.model.solids or self._acts
-            else multiple_minima_note(*self.unreduced_state, self.stable)
+            "" if self.model.solids or self.acts else multiple_minima_note(*self.unreduced_state, self.stable)
         )
 
     @cached_property

@@ -8,25 +8,18 @@ place of contact, so that nothing of second order is left.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.answers.centrelines import (
-    fitted_amplitudes,
-    member_arrays,
-    member_ends,
-    quadrature_points,
-    strains_along,
-)
-from ksd.elements.strain_centreline import follow_centreline
 from ksd.errors import SceneError
-from ksd.model.arrays import State
+from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import leaf_orders
+from ksd.model.recut import bends_at, recut, section_at
 from ksd.scene.leaf import Leaf
 from ksd.scene.obstacle import Surface
 from ksd.scene.scene import LeafPoint, Scene
@@ -36,8 +29,6 @@ from ksd.section.section import thickness_and_width
 Array = NDArray[np.float64]
 SHORTEST = 1e-3
 """Shortest piece of a leaf, over its length."""
-SAMPLES = 12
-"""Steps of the integration along a part of a piece."""
 
 
 class Strip(NamedTuple):
@@ -137,8 +128,25 @@ def cut_places(model: Model, wanted: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
+def places_of(model: Model) -> dict[str, float]:
+    """Where the leaves of a model are cut [m], by the name of the node."""
+    nodes = {strip.node for strip in strips(model)}
+    return {p.name: p.s for p in model.scene.points if p.name in nodes}
+
+
 def cut_at(model: Model, places: Mapping[str, float]) -> Model:
     """The model with the nodes of its strips at these arc lengths [m]."""
+    if not places_of(model):
+        return _compiled_at(model, places)
+    if "moved_cuts" not in model.derived:
+        model.derived["moved_cuts"] = MovedCuts(model) if _cuts_are_linear(model) else None
+    moved: MovedCuts | None = model.derived["moved_cuts"]
+    if moved is None or moved.order != _order(model.scene, places):
+        return _compiled_at(model, places)
+    return moved.at(places)
+
+
+def _compiled_at(model: Model, places: Mapping[str, float]) -> Model:
     scene: Scene = model.scene
     leaf = {strip.node: strip.leaf.name for strip in strips(model)}
     points = tuple(p for p in scene.points if p.name not in places)
@@ -161,78 +169,124 @@ def cut_at(model: Model, places: Mapping[str, float]) -> Model:
     return made
 
 
-def places_of(model: Model) -> dict[str, float]:
-    """Where the leaves of a model are cut [m], by the name of the node."""
-    nodes = {strip.node for strip in strips(model)}
-    return {p.name: p.s for p in model.scene.points if p.name in nodes}
+def _order(scene: Scene, places: Mapping[str, float]) -> list[str]:
+    """The points of all leaf springs in their order along them, for nodes of strips at these places [m]."""
+    along = sorted((p.leaf, places.get(p.name, p.s), p.name) for p in scene.points)
+    return [name for _, _, name in along]
 
 
-def _pieces(model: Model, leaf: Leaf) -> list[tuple[int, float, float]]:
-    """Number, start and end [m] of the members of a leaf, in order."""
-    marks = [0.0, *sorted(p.s for p in model.scene.points if p.leaf == leaf.name), leaf.length]
-    if len(marks) == 2:
-        return [(model.member_names.index(leaf.name), 0.0, leaf.length)]
-    first = model.member_names.index(f"{leaf.name}:1")
-    return [(first + k, marks[k], marks[k + 1]) for k in range(len(marks) - 1)]
+def _cuts_are_linear(model: Model) -> bool:
+    """Whether the numbers of pieces are linear in the place of a cut: of straight leaf springs of one section."""
+    cut, scene = {strip.leaf.name for strip in strips(model)}, model.scene
+    return not any(load.leaf in cut for load in scene.loads_along) and all(
+        f.leaf.curve is None and f.leaf.profile is None and f.leaf.condition is None
+        for f in scene.leaves
+        if f.name in cut
+    )
+
+
+class MovedCuts:
+    """Models like `model`, whose cuts are at other places in the same `order`, and their arrays: those of `model` plus their
+    rates by the places of the cuts. See `_cuts_are_linear`."""
+
+    def __init__(self, model: Model) -> None:
+        # the model of a pose has contact forces as loads
+        self.places = places_of(model)
+        self.model = _compiled_at(model, self.places)
+        self.order = _order(model.scene, self.places)
+        self.steps, self.moved = [], []
+        for strip in strips(model):
+            s = self.places[strip.node]
+            after = [p.s for p in model.scene.points if p.leaf == strip.leaf.name and p.s > s]
+            self.steps.append(0.5 * (min(after, default=strip.leaf.length) - s))
+            self.moved.append(_compiled_at(model, self.places | {strip.node: s + self.steps[-1]}))
+        self.nodes = [strip.node for strip in strips(model)]
+        x = np.array([other.rest.x for other in (self.model, *self.moved)])
+        self.rates = [(b - x[0]) / step for b, step in zip(x[1:], self.steps, strict=True)]
+        self.known: dict[Hashable, tuple[Arrays, Array, Array]] = {}
+
+    def at(self, places: Mapping[str, float]) -> Model:
+        """The model with its cuts at these places [m]."""
+        own, scene = self.model, self.model.scene
+        points = tuple(replace(p, s=places.get(p.name, p.s)) for p in scene.points)
+        x = own.rest.x + sum(
+            shift * rate for shift, rate in zip(self._shifts(places), self.rates, strict=True)
+        )
+        made = replace(
+            own,
+            scene=replace(scene, points=points),
+            arrays=self.arrays("own", lambda model: model.arrays, places),
+            rest=own.rest._replace(x=x),
+        )
+        made.derived.update(strips=strips(own), moved_cuts=self)
+        made.__dict__["conservative"] = own.conservative
+        return made
+
+    def arrays(self, name: Hashable, make: Callable[[Model], Arrays], places: Mapping[str, float]) -> Arrays:
+        """What `make`, known by its name, gives of the model with its cuts at these places [m]."""
+        if name not in self.known:
+            own = make(self.model)
+            more = [
+                (make(b).floats - own.floats) / step for b, step in zip(self.moved, self.steps, strict=True)
+            ]
+            self.known[name] = own, np.array(more), own.members.stiffness_scale * own.members.length
+        own, rates, stiffness = self.known[name]
+        found = Arrays(own.ints, own.floats + self._shifts(places) @ rates, own.topology)
+        found.members.stiffness_scale[:] = stiffness / found.members.length
+        return found
+
+    def _shifts(self, places: Mapping[str, float]) -> Array:
+        return np.array([places[node] - self.places[node] for node in self.nodes])
+
+
+def _pieces(model: Model, leaf: Leaf) -> tuple[int, Array]:
+    """The first member of a leaf, and where its pieces begin and end [m]."""
+    marks = np.array([0.0, *sorted(p.s for p in model.scene.points if p.leaf == leaf.name), leaf.length])
+    return model.member_names.index(leaf.name if len(marks) == 2 else f"{leaf.name}:1"), marks
 
 
 def curvatures(model: Model, motion: State, leaf: Leaf, s: Array) -> Array:
     """Curvatures (n, 3) [1/m] about e1, e2, e3 at arc lengths s (n,) [m] of a leaf; the mean of both sides at a node."""
-    total, count = np.zeros((len(s), 3)), np.zeros((len(s), 1))
-    for i, start, end in _pieces(model, leaf):
-        inside = (s >= start - 1e-12 * leaf.length) & (s <= end + 1e-12 * leaf.length)
-        if inside.any():
-            at = np.clip((s[inside] - start) / (end - start), 0.0, 1.0)
-            total[inside] += strains_along(*member_arrays(model, motion, i), at)[0]
-            count[inside] += 1.0
-    found: Array = total / count
-    return found
-
-
-def section_pose(model: Model, motion: State, leaf: Leaf, s: float) -> tuple[Array, Array]:
-    """Place (3,) [m] and rotation from rest (3, 3) of the section of a leaf at arc length s [m], from the nearer end of its
-    piece."""
-    i, start, end = next(p for p in _pieces(model, leaf) if s <= p[2] or p[2] == leaf.length)
-    value, number, inner = member_arrays(model, motion, i)
-    ends, share, total = member_ends(model, motion, i), (s - start) / (end - start), int(number[:3].sum())
-    begin, place, axes = (0.0, np.zeros(3), np.eye(3)) if share < 0.5 else (1.0, ends.d, ends.Q)
-    place, axes = place.copy(), axes.copy()
-    follow_centreline(value, number, inner, inner[total : total + 3], begin, share, SAMPLES, place, axes)
-    return ends.start + ends.frame @ place, ends.frame @ axes @ leaf.section_at(s / leaf.length)[1].T
+    kappa = np.empty((len(s), 3))
+    bends_at(*model.arrays.flat, motion.inner, *_pieces(model, leaf), s, kappa)
+    return kappa
 
 
 def node_poses(model: Model, motion: State, places: Mapping[str, float]) -> dict[str, tuple[Array, Array]]:
-    """Place (3,) and rotation (3, 3) of the sections of leaves where other nodes would cut them, by the name of the node."""
-    leaf = {strip.node: strip.leaf for strip in strips(model)}
-    return {name: section_pose(model, motion, leaf[name], s) for name, s in places.items()}
+    """Place (3,) [m] and rotation from rest (3, 3) of the sections of leaves where other nodes would cut them, by the name
+    of the node."""
+    found, leaf = {}, {strip.node: strip.leaf for strip in strips(model)}
+    for name, s in places.items():
+        place, axes = np.empty(3), np.empty((3, 3))
+        section_at(
+            *model.arrays.flat, motion.x, motion.R, motion.inner, *_pieces(model, leaf[name]), s, place, axes
+        )
+        found[name] = place, axes @ leaf[name].section_at(s / leaf[name].length)[1].T
+    return found
 
 
 def cut_state(old: Model, motion: State, new: Model) -> State:
     """A state of a model as one of the model cut elsewhere, as near as its modes come."""
-    places, state = places_of(new), new.rest.copy()
-    state.multiplier[:] = motion.multiplier
-    rows = len(state.angle) - 3 * len(new.node_names)
-    state.angle[:rows] = motion.angle[:rows]
-    index = {name: k for k, name in enumerate(old.node_names)}
-    poses = node_poses(old, motion, places)
-    for k, name in enumerate(new.node_names):
-        if name in poses:
-            state.x[k], state.R[k] = poses[name]
-        else:
-            state.x[k], state.R[k] = motion.x[index[name]], motion.R[index[name]]
-            state.angle[rows + 3 * k :][:3] = motion.angle[rows + 3 * index[name] :][:3]
-    before, after = old.arrays.members, new.arrays.members
-    own = {name: slice(*before.inner_at[i : i + 2]) for i, name in enumerate(old.member_names)}
-    cut = {strip.leaf.name: strip.leaf for strip in strips(new)}
-    for i, name in enumerate(new.member_names):
-        if name in own and not any(name.startswith(f"{leaf}:") for leaf in cut):
-            state.inner[slice(*after.inner_at[i : i + 2])] = motion.inner[own[name]]
-    for leaf in cut.values():
-        for i, start, end in _pieces(new, leaf):
-            value, number, inner = member_arrays(new, state, i)
-            source = next(p for p in _pieces(old, leaf) if 0.5 * (start + end) <= p[2])[0]
-            given, n = motion.inner[own[old.member_names[source]]], int(number[:3].sum())
-            inner[n:] = given[len(given) + n - len(inner) :]
-            at = start + (end - start) * quadrature_points(value, number)
-            inner[:n] = fitted_amplitudes(value, number, curvatures(old, motion, leaf, at))
+    if old.node_names == new.node_names:
+        state = motion.copy()
+    else:
+        state, own = new.rest.copy(), places_of(new)
+        state.multiplier[:] = motion.multiplier
+        rows = len(state.angle) - 3 * len(new.node_names)
+        state.angle[:rows] = motion.angle[:rows]
+        for k, name in enumerate(new.node_names):
+            if name not in own:
+                i = old.node_names.index(name)
+                state.x[k], state.R[k] = motion.x[i], motion.R[i]
+                state.angle[rows + 3 * k :][:3] = motion.angle[rows + 3 * i :][:3]
+        before, after = old.arrays.members.inner_at, new.arrays.members.inner_at
+        for k, name in enumerate(new.member_names):
+            if name in old.member_names and not any(name.startswith(f"{s.leaf.name}:") for s in strips(new)):
+                i = old.member_names.index(name)
+                state.inner[after[k] : after[k + 1]] = motion.inner[before[i] : before[i + 1]]
+    for leaf in {strip.leaf.name: strip.leaf for strip in strips(new)}.values():
+        recut(
+            *old.arrays.flat, motion.x, motion.R, motion.inner, *_pieces(old, leaf),
+            *new.arrays.flat, state.x, state.R, state.inner, *_pieces(new, leaf),
+        )  # fmt: skip
     return state

@@ -19,7 +19,10 @@ from ksd.model.arrays import TRANSLATION, State
 from ksd.model.chosen_effects import with_conditions, with_twists
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.plate_runs import is_wide, plate_conditions
+from ksd.solvers.contact_state import Touched, contact_points
 from ksd.solvers.error import find_equilibrium
+from ksd.solvers.held_contacts import hold_contacts
+from ksd.solvers.near_contact import equilibrium_in_contact
 from ksd.solvers.result import Result
 
 COMPARED = ("force", "displacement", "support_stiffness")
@@ -61,18 +64,21 @@ def left_out(pose: Result) -> LeftOut:
     if not pose.converged or model.solids:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
-    own = find_equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
+
+    def near(model: Model, state: State) -> tuple[Model, State, Touched | None] | None:
+        if pose.acts:
+            return equilibrium_in_contact(pose, model, state)
+        found = find_equilibrium(exact_tangent_arrays(model), state, target, factor)
+        return None if found is None else (model, found, None)
+
+    own = (model, motion, pose.touched) if pose.acts else near(model, motion.copy())
     if own is None:
         return LeftOut({})
     changes = {}
     for name, other in (("plate", _with_plates(model)), ("warping", _with_warping(model))):
-        there = (
-            None
-            if other is model
-            else find_equilibrium(exact_tangent_arrays(other), own.copy(), target, factor)
-        )
+        there = None if other is model else near(other, own[1].copy())
         if there is not None:
-            changes[name] = _changes((model, own), (other, there), factor)
+            changes[name] = _changes(own, there, factor)
     return LeftOut(changes)
 
 
@@ -82,7 +88,7 @@ def _with_plates(model: Model) -> Model:
     if model.mesh.plate or not any(is_wide(leaf) for leaf in model.scene.leaf_names().values()):
         return model
     stiffened = with_conditions(model.scene, plate_conditions(model.scene))
-    return compile_as_is(stiffened, model.mesh.with_effect("plate"))
+    return compile_as_is(stiffened, model.mesh.with_effect("plate"), model.original_scene)
 
 
 @cached_per_model
@@ -91,14 +97,16 @@ def _with_warping(model: Model) -> Model:
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.warping or not any(warps):
         return model
-    return compile_as_is(with_twists(model.scene), model.mesh.with_effect("warping"))
+    return compile_as_is(with_twists(model.scene), model.mesh.with_effect("warping"), model.original_scene)
 
 
 def _changes(
-    without: tuple[Model, State], with_: tuple[Model, State], load_factor: float
+    without: tuple[Model, State, Touched | None],
+    with_: tuple[Model, State, Touched | None],
+    load_factor: float,
 ) -> dict[str, float]:
-    """Relative changes from the state without an effect to that with it."""
-    (model, one), (_, other) = without, with_
+    """Relative changes from the state without an effect to that with it: model, state, and contacts that act."""
+    (model, one, touched), (_, other, still) = without, with_
     drives, links = len(model.drive_names), model.links
     size, stiffness = model.arrays.size, float(model.arrays.members.stiffness_scale.max(initial=0.0))
     unit = np.where(model.arrays.terms.kind[model.arrays.terms.first[:drives]] == TRANSLATION, 1.0, size)
@@ -112,10 +120,15 @@ def _changes(
         np.linalg.norm(m.x[1:links] - model.rest.x[1:links], axis=1).max(initial=0.0) for m in (one, other)
     ]
     found["displacement"] = _ratio(moved[1] - moved[0], moved[0], ROUNDING_DISPLACEMENT * size)
+    states = [{name: c.state for name, c in contact_points(t).items()} for t in (touched, still)]
+    if states[0] != states[1]:
+        # one that slips in one of them only
+        return found
     terms = [t for d in model.scene.drives for t in d.terms]
     link = terms[0].link if terms else model.scene.links[1]
     try:
-        soft = [point_stiffness(m, s, link, load_factor=load_factor).worst[0] for m, s in (without, with_)]
+        held = [(m, s) if t is None else hold_contacts(m, s, t) for m, s, t in (without, with_)]
+        soft = [point_stiffness(m, s, link, load_factor=load_factor).worst[0] for m, s in held]
     except KsdError:
         return found
     return found | {"support_stiffness": _ratio(soft[1] - soft[0], soft[0])}

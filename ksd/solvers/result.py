@@ -237,7 +237,7 @@ class Result:
         return replace(self, model=model, motion=motion, touched=None, joint_motions=None)
 
     @property
-    def _acts(self) -> bool:
+    def acts(self) -> bool:
         """Whether a stop or cable acts here."""
         return self.touched is not None and self.touched.closed
 

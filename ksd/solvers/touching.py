@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -139,7 +140,9 @@ class Touching:
         """The same with the strips of a model cut elsewhere, at a state of it."""
         if not self.strips:
             return self
-        data, places = self.data.copy(), places_of(model)
+        # what it has found out of its pairs stays true
+        moved, places = copy(self), places_of(model)
+        data = moved.__dict__["data"] = self.data.copy()
         for strip in strips(model):
             s, at = places[strip.node], self.strips[strip.node]
             kappa = curvatures(model, motion, strip.leaf, np.array([s]))[0]
@@ -150,7 +153,7 @@ class Touching:
                 strip_surface(strip, s, kappa), model.rest.x[model.node_names.index(strip.node)]
             )
             data[at : at + len(numbers)] = numbers
-        return replace(self, data=data)
+        return moved
 
     def count_turns(self, data: Array, arrays: Arrays, motion: State) -> None:
         """Write the counted angles of rotation terms at a state into `data`, in place."""
@@ -336,7 +339,15 @@ def contact_model(model: Model, nodes: NDArray[np.int64]) -> Model:
     """The model with one more dead load at the reference point of every moving body that may touch, of these `nodes`
     (`Touching.nodes`): its contact forces. Cached with the model."""
     if "contact" not in model.derived:
-        model.derived["contact"] = _with_contact_loads(model, nodes)
+        moved = model.derived.get("moved_cuts")
+        model.derived["contact"] = (
+            _with_contact_loads(model, nodes)
+            if moved is None or model is moved.model or model in moved.moved
+            else replace(
+                model,
+                arrays=moved.arrays("contact", lambda m: contact_model(m, nodes).arrays, places_of(model)),
+            )
+        )
     found: Model = model.derived["contact"]
     return found
 

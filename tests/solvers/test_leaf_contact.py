@@ -8,6 +8,8 @@ import pytest
 import ksd
 from ksd.model.gaps import SHIFT
 from ksd.solvers.contact_solve import solve_with_contact
+from ksd.solvers.leaf_contact import _compiled_at, curvatures, cut_at, cut_state, node_poses, strips
+from ksd.solvers.touching import cut_model
 from ksd.units import mm
 
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800)
@@ -388,3 +390,61 @@ def test_a_disc_that_slides_over_a_point_of_the_leaf():
         forces.append([c.force for c in (p.contacts["c"] for p in walk)])
         assert place(walk[1]) > 55 * mm or has_point
     assert np.abs(np.subtract(*forces)).max() < 1e-4
+
+
+@pytest.mark.parametrize("plane", [None, "xy"])
+def test_models_with_moved_cuts_are_those_compiled_there(plane):
+    scene = ksd.Mechanism("two on one", plane=plane)
+    tip, held = scene.links("tip", "held")
+    leaf = scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=STRIP, material=STEEL
+    )
+    scene.point(leaf, 45 * mm, name="mark")
+    scene.gravity = (0, -9.81, 0)
+    for name, x in (("a", 60 * mm), ("b", 30 * mm)):
+        shape = DISC if plane else ksd.shapes.ball(20 * mm)
+        scene.contact(leaf, scene.surface(held, shape, at=(x, 20.25 * mm, 0), name=f"disc {name}"), name=name)
+    scene.support(held, about="z")
+    model = cut_model(ksd.compile_scene(scene, one_sided=True))
+    places = {"leaf at a": 71 * mm, "leaf at b": 12 * mm}
+    moved, compiled = cut_at(model, places), _compiled_at(model, places)
+    assert "moved_cuts" in moved.derived and "moved_cuts" not in compiled.derived
+    np.testing.assert_array_equal(moved.arrays.ints, compiled.arrays.ints)
+    np.testing.assert_allclose(moved.arrays.floats, compiled.arrays.floats, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(moved.rest.x, compiled.rest.x, atol=1e-16)
+    assert moved.scene == compiled.scene and moved.node_names == compiled.node_names
+    # beyond the point of the leaf spring its pieces are others
+    swapped = cut_at(model, places | {"leaf at a": 40 * mm})
+    assert "moved_cuts" not in swapped.derived and not np.array_equal(swapped.arrays.ints, model.arrays.ints)
+
+
+def test_a_leaf_spring_of_two_sections_is_compiled_where_it_is_cut():
+    taper = ksd.Mechanism("taper", plane="xy")
+    tip, held = taper.links("tip", "held")
+    leaf = taper.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=STRIP, material=STEEL,
+        profile=ksd.Taper(thickness=(0.5 * mm, 0.4 * mm), width=(10 * mm, 10 * mm)),
+    )  # fmt: skip
+    taper.contact(leaf, taper.surface(held, DISC, at=(60 * mm, 21 * mm, 0)), name="c")
+    taper.support(held, about="z")
+    model = cut_model(ksd.compile_scene(taper, one_sided=True))
+    assert "moved_cuts" not in cut_at(model, {"leaf at c": 50 * mm}).derived
+
+
+def test_a_leaf_spring_cut_elsewhere_keeps_its_shape():
+    scene = finger(DISC)
+    pose = ksd.solve(scene, x=0.0, y=-10 * mm)
+    leaf = strips(pose.model)[0].leaf
+    other = cut_at(pose.model, {"leaf at c": 40 * mm})
+    there = cut_state(pose.model, pose.motion, other)
+    # the old place of contact has the place and section that it had
+    s = cut_place(pose)
+    (x, R), (now_x, now_R) = (
+        node_poses(model, motion, {"leaf at c": s})["leaf at c"]
+        for model, motion in ((pose.model, pose.motion), (other, there))
+    )
+    assert np.abs(x - now_x).max() < 2e-5 and np.abs(R - now_R).max() < 2e-3
+    near = np.linspace(0.0, 39 * mm, 9)
+    np.testing.assert_allclose(
+        curvatures(other, there, leaf, near), curvatures(pose.model, pose.motion, leaf, near), atol=1e-9
+    )

@@ -408,7 +408,7 @@ def stopped():
 
 QUESTIONS = [
     lambda p: p.verify(),
-    lambda p: p.gradient(lambda q: q.strain_energy(), by=[]), lambda p: p.with_error(lambda q: q.strain_energy()),
+    lambda p: p.gradient(lambda q: q.strain_energy(), by=[]),
     lambda p: p.internal_stress(), lambda p: p.sensitivity(lambda q: 1.0, "stage", at=END, force=(1, 0, 0)),
 ]  # fmt: skip
 
