@@ -42,7 +42,7 @@ SAME_GAP = 1e-11
 """Largest gap of a closed contact, over the size of the mechanism."""
 MAX_CUTS = 12
 """How often a leaf is cut in one load step at most."""
-SAME_PLACE, SAME_OPEN_PLACE = 3e-6, 1e-3
+SAME_PLACE, SAME_OPEN_PLACE = 1e-6, 1e-3
 """How far from the place where it is touched, or comes nearest, a leaf may be cut, over its length; forces are off by the
 square of it."""
 
