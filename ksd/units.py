@@ -32,6 +32,9 @@ DIMENSIONS: dict[str, dict[str, float]] = {
         "Nm": Nm, "mNm": mNm, "Nmm": Nmm, "kNm": kN, "lbf in": lbf * inch, "in lbf": lbf * inch, "lbf ft": lbf * ft,
         "ft lbf": lbf * ft,
     },
+    "moment per length": {
+        "Nm/m": 1.0, "Nmm/mm": 1.0, "mNm/m": 1e-3, "mNm/mm": 1.0, "Nmm/m": 1e-3, "kNm/m": 1e3, "lbf in/in": lbf,
+    },
     "mass": {"kg": kg, "g": g, "tonne": tonne, "lb": lb},
     "density": {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": lb / inch**3, "lb/ft^3": lb / ft**3},
     "acceleration": {"m/s^2": 1.0, "mm/s^2": mm, "ft/s^2": ft, "in/s^2": inch},

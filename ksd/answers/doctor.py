@@ -30,6 +30,7 @@ from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.model.chosen_effects import with_load_points, with_middle_points
 from ksd.model.compile import Model, compile_scene, reference_points
+from ksd.model.line_moments import without_moments
 from ksd.numerics.threads import small_matrices
 from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
@@ -179,10 +180,12 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     >>> found.freedoms, found.held, len(found.redundant)
     (1, 1, 1)
     """
-    whole, simulated = with_load_points(with_middle_points(_scene_of(mechanism))), _simulated(mechanism)
+    described, simulated = _scene_of(mechanism), _simulated(mechanism)
+    still = without_moments(described)
+    whole = with_load_points(with_middle_points(still))
     scene = without_contacts(whole)
-    if scene.compliances or has_contacts(whole):
-        # elastic links count as rigid: the beams in them are no freedoms of the mechanism
+    if scene.compliances or has_contacts(whole) or still is not described:
+        # elastic links count as rigid: the beams in them are no freedoms of the mechanism, nor are points for moments
         scene, mechanism = replace(scene, compliances=()), scene
     model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
     positions, size = reference_points(scene), model.arrays.size
@@ -208,7 +211,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         free=tuple(free),
         redundant=(*redundant, *_redundant_inside_joints(scene)),
         singular_values=_singular_values(everything),
-        unusual=plausibility_warnings(whole),
+        unusual=plausibility_warnings(replace(whole, line_loads=described.line_loads)),
         hint=plane_hint(scene),
         observed=(*_observed(scene, own, positions, size), *one_sided_sentences(whole), *simulated),
     )
@@ -331,7 +334,8 @@ def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[C
 def _scene_of(mechanism: Any) -> Scene:
     """Scene of a mechanism, scene or model; a mechanism may have links without connection. Raises SceneError."""
     if isinstance(mechanism, Model):
-        return mechanism.original_scene if mechanism.original_scene.compliances else mechanism.scene
+        described = mechanism.original_scene
+        return described if described.compliances or mechanism.scene.unlisted else mechanism.scene
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
     if not isinstance(scene, Scene):
         raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {MECHANISM_HINT}.")

@@ -30,14 +30,16 @@ from ksd.answers.centrelines import (
     leaf_members,
     member_arrays,
     member_ends,
+    scene_leaves,
     strain_curves,
 )
-from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_loads
+from ksd.answers.leaf_groups import LeafGroup, chain_groups, end_frames, leaf_groups, local_loads
 from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.answers.shape import point_position
 from ksd.errors import SceneError
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
+from ksd.model.line_moments import missing_moment
 from ksd.model.member_ends import table_ends
 from ksd.model.newton import assemble, assemble_nodes
 from ksd.model.springs import energy_of_one_spring
@@ -112,6 +114,8 @@ def forces_of_members(
         else:
             results = _chain_forces(model, motion, group, wrenches, loads)
         parts |= zip(group.members.tolist(), zip(*results, strict=True), strict=True)
+    if any(line.has_moment for line in model.scene.line_loads):
+        _fill_steps_of_moments(model, motion, parts, points, load_factor)
     found = {}
     for name, members in lines.items():
         at, stations, values = 0.0, [], []
@@ -122,6 +126,32 @@ def forces_of_members(
             at += s[-1]
         found[name] = SectionForces(name, np.concatenate(stations), np.concatenate(values))
     return found
+
+
+def _fill_steps_of_moments(
+    model: Model, motion: State, parts: dict[int, tuple[Array, Array]], points: int, load_factor: float
+) -> None:
+    """Make the inner moment of leaf springs with moments per length, whose points (`ksd.model.line_moments`) it has steps
+    at, continuous in `parts`, stations and section forces by member."""
+    lines = [line for line in model.scene.line_loads if line.has_moment]
+    leaves, members, axes = scene_leaves(model), leaf_members(model), dict[int, Array]()
+    for group in (*leaf_groups(model), *chain_groups(model)):
+        if group.is_chain:
+            ends, _, R = chain_lines(model, motion, group)
+        else:
+            ends = end_frames(model, motion, group.members)
+            R = group_curves(model, motion, group, points, load_factor)[2]
+        axes |= zip(group.members.tolist(), ends.frame[:, None] @ R, strict=True)
+    for name in dict.fromkeys(line.leaf for line in lines):
+        own, length, at = [line for line in lines if line.leaf == name], leaves[name].length, 0.0
+        total = sum(parts[i][0][-1] for i in members[name])
+        for i in members[name]:
+            s, forces = parts[i]
+            # heat changes the natural length
+            here, middle = ((at + part) * length / total for part in (s, 0.5 * s[-1]))
+            missing = load_factor * missing_moment(own, length, here, middle)
+            forces[:, 3:] += (missing[:, None] @ axes[i])[:, 0]
+            at += s[-1]
 
 
 def _largest_components(forces: SectionForces) -> list[str]:

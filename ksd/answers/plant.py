@@ -54,7 +54,7 @@ BAND_RATIO = 3.0
 
 def vibration_inputs(scene: Any) -> tuple[str, ...]:
     """What may excite vibrations: drives, loads and the base."""
-    return (*(d.name for d in scene.drives), *(load.name for load in scene.loads), *BASE_INPUTS)
+    return (*(d.name for d in scene.drives), *(load.name for load in scene.loads_on_links), *BASE_INPUTS)
 
 
 @dataclass(frozen=True)
@@ -407,7 +407,7 @@ def make_plant(
     drives and supports released; those among inputs and outputs when None. Raises SceneError and what `frequencies` raises.
     """
     scene, drives = model.scene, model.drive_names
-    sensors, loads = {s.name: s for s in scene.sensors}, {load.name: load for load in scene.loads}
+    sensors, loads = {s.name: s for s in scene.sensors}, {load.name: load for load in scene.loads_on_links}
     chosen = _choose_names("inputs", inputs, drives, vibration_inputs(scene))
     seen = _choose_names("outputs", outputs, tuple(sensors) or drives, (*sensors, *drives))
     both = next((name for name in seen if name in sensors and name in drives), None)

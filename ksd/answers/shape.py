@@ -113,13 +113,14 @@ class LoadShape:
 
 @dataclass(frozen=True)
 class LineLoadShape:
-    """A load along a leaf: points (k, 3) [m] on its centreline, the force per length there (k, 3) [N/m], and its value as
-    text."""
+    """A load of kind "force" or "moment" along a leaf: points (k, 3) [m] on its centreline, the force [N/m] or moment [Nm/m]
+    per length there (k, 3), and its value as text."""
 
     name: str
     place: Array
     value: Array
     text: str
+    kind: str = "force"
 
 
 @dataclass(frozen=True)
@@ -395,7 +396,7 @@ def _hinges(scene: Scene, links: _PosedLinks) -> Iterator[HingeShape]:
 
 def _loads(scene: Scene, links: _PosedLinks, factor: float) -> Iterator[LoadShape]:
     """Forces and moments of the scene times `factor`, and point masses."""
-    for load in scene.loads:
+    for load in scene.loads_on_links:
         for kind in ("force", "moment"):
             value = np.asarray(getattr(load, kind))
             if value.any():
@@ -425,12 +426,16 @@ def _line_loads(scene: Any, leaves: Sequence[LeafShape], factor: float) -> Itera
         if isinstance(load, Pressure):
             value = SIDES[load.side] * load.pressure * width * side
             text = f"{1e-3 * factor * load.pressure:.4g} kPa"
-        else:
-            share = np.linspace(0.0, 1.0, LINE_LOAD_ARROWS)[:, None]
-            value = (1.0 - share) * np.asarray(load.force) + share * np.asarray(load.end_force)
-            ends = [f"{factor * np.linalg.norm(force):.4g}" for force in (load.force, load.end_force)]
-            text = f"{' to '.join(dict.fromkeys(ends))} N/m"
-        yield LineLoadShape(load.name, place, factor * value, text)
+            yield LineLoadShape(load.name, place, factor * value, text)
+            continue
+        share = np.linspace(0.0, 1.0, LINE_LOAD_ARROWS)[:, None]
+        for kind, unit in (("force", "N/m"), ("moment", "Nm/m")):
+            if getattr(load, f"has_{kind}"):
+                first, last = getattr(load, kind), getattr(load, f"end_{kind}")
+                value = (1.0 - share) * np.asarray(first) + share * np.asarray(last)
+                ends = [f"{factor * np.linalg.norm(size):.4g}" for size in (first, last)]
+                text = f"{' to '.join(dict.fromkeys(ends))} {unit}"
+                yield LineLoadShape(load.name, place, factor * value, text, kind)
 
 
 def _springs(scene: Scene, links: _PosedLinks) -> Iterator[SpringShape]:

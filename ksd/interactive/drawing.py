@@ -37,7 +37,12 @@ LOAD_SCALE = 0.1 * N / mm
 """Force per length of its arrow in the drawing."""
 SIZED = {
     "load": (("force", "force", "N"), ("moment", "moment", "Nm")),
-    "line_load": (("force", "stiffness", "N/m"), ("to", "stiffness", "N/m")),
+    "line_load": (
+        ("force", "stiffness", "N/m"),
+        ("to", "stiffness", "N/m"),
+        ("moment", "moment per length", "Nm/m"),
+        ("to_moment", "moment per length", "Nm/m"),
+    ),
     "pressure": (("pressure", "stress", "kPa"),),
 }
 """Keys of loads that grow with their size, with dimension and unit; a force per length has the units of a stiffness."""
@@ -470,7 +475,12 @@ class Drawing:
                 key: [self.number(v, dimension) for v in _listed(table[key])] for key, dimension, _ in sized
             }
             first = [math.hypot(*v) for v in values.values()]
-            known = max(first) if kind == "line_load" else first[0] or first[-1]
+            known = first[0] or first[-1]
+            if kind == "line_load":
+                lengths = {key: math.hypot(*v) for key, v in values.items()}
+                pairs = (("force", "to"), ("moment", "to_moment"))
+                force, moment = (max(lengths.get(key, 0.0) for key in pair) for pair in pairs)
+                known = force or moment
             if kind == "pressure":
                 (known,) = values["pressure"]
             if not known:

@@ -19,7 +19,8 @@ from ksd.scene.toml_table import parse_quantity, quantity
 from ksd.units import DIMENSIONS, deg
 
 SHOWN = {
-    "length": "mm", "angle": "deg", "force": "N", "moment": "Nm", "stiffness": "N/m", "stress": "kPa", "number": "",
+    "length": "mm", "angle": "deg", "force": "N", "moment": "Nm", "stiffness": "N/m", "stress": "kPa",
+    "moment per length": "Nm/m", "number": "",
 }  # fmt: skip
 """Unit of a slider by dimension."""
 ANGLE = 30 * deg
@@ -140,13 +141,15 @@ def _drive_slider(scene: Scene, drive: Drive, value: float, size: float) -> Slid
 
 
 def load_size(load: Load | LineLoad | Pressure) -> tuple[float, str]:
-    """The size of a load [N, Nm, N/m or Pa], of its force where it has one, and its dimension; a pressure has a sign."""
+    """The size of a load [N, Nm, N/m, Nm/m or Pa], of its force where it has one, and its dimension; pressure is signed."""
     if isinstance(load, Pressure):
         return load.pressure, "stress"
     force = math.hypot(*load.force)
     if isinstance(load, LineLoad):
         # a force per length has the units of a stiffness
-        return max(force, math.hypot(*load.end_force)), "stiffness"
+        size = max(force, math.hypot(*load.end_force))
+        moment = max(math.hypot(*load.moment), math.hypot(*load.end_moment))
+        return (size, "stiffness") if load.has_force else (moment, "moment per length")
     return (force, "force") if force else (math.hypot(*load.moment), "moment")
 
 
@@ -158,7 +161,11 @@ def with_loads(scene: Scene, sizes: Mapping[str, float]) -> Scene:
         size = sizes.get(load.name, sizes.get(f"{load.name} (load)"))
         if size is None or not own or size == own:
             return load
-        keys = [key for key in ("force", "moment", "to", "pressure") if getattr(load, key, None) is not None]
+        keys = [
+            key
+            for key in ("force", "moment", "to", "to_moment", "pressure")
+            if getattr(load, key, None) is not None
+        ]
         values = {key: np.asarray(getattr(load, key)) * (size / own) for key in keys}
         return replace(load, **{k: as_vector(v) if v.ndim else float(v) for k, v in values.items()})
 

@@ -20,6 +20,7 @@ from typing import Any
 from ksd.checks import name_hint, show
 from ksd.errors import SceneError
 from ksd.model.elastic_links import with_elastic_links
+from ksd.model.line_moments import with_moment_points
 from ksd.model.mesh import Mesh
 from ksd.model.plate_runs import has_width, plate_conditions
 from ksd.model.scene_layout import has_gravity
@@ -276,8 +277,8 @@ def with_middle_points(scene: Any) -> Any:
 
 
 def with_load_points(scene: Any) -> Any:
-    """The scene with a point wherever a load along a leaf begins or ends inside it, so that every member is loaded all
-    along."""
+    """The scene with a point wherever a force along a leaf begins or ends inside it, so that every member is loaded all
+    along, and with the points that moments along leaf springs stand on."""
     added = []
     for placed in scene.leaves if scene.line_loads or scene.pressures else ():
         length, known = placed.leaf.length, [p.s for p in scene.points if p.leaf == placed.name]
@@ -285,9 +286,9 @@ def with_load_points(scene: Any) -> Any:
             if all(abs(s - other) > 1e-9 * length for other in known):
                 added.append(LeafPoint(f"{placed.name} at {1e3 * s:.6g} mm", placed.name, s))
                 known.append(s)
-    if not added:
-        return scene
-    return replace(scene, links=(*scene.links, *(p.name for p in added)), points=(*scene.points, *added))
+    links = (*scene.links, *(p.name for p in added))
+    cut = replace(scene, links=links, points=(*scene.points, *added)) if added else scene
+    return with_moment_points(cut)
 
 
 def with_twists(scene: Any) -> Any:

@@ -147,12 +147,18 @@ class Model(NotebookTables):
         demand."""
         scene, arrays, choice = self.scene, self.arrays, self.choice
         rows = len(self.drive_names) + len(self.support_names)
+        # points on a leaf divide it into pieces
+        more, loads = (
+            len(scene.unlisted),
+            len(arrays.loads.node) - len(scene.loads) + len(scene.loads_on_links),
+        )
         present, absent = effect_lines(choice, self.mesh, self.original_scene)
         elastic = "other " if any(heading == "with compliance" for heading, _ in present) else ""
         lines = [
             (
                 scene.name,
-                f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(self.member_names)} leaf springs as "
+                f"{len(scene.links) - 1 - more} links, {len(scene.joints)} joints, {len(self.member_names) - more} leaf "
+                "springs as "
                 f"{self.leaf_models}",
             ),
             (
@@ -166,9 +172,9 @@ class Model(NotebookTables):
                 "and eliminated",
             ),
         ]
-        if len(arrays.loads.node):
+        if loads:
             weights = ", gravity among them" if scene.gravity else ""
-            lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
+            lines.append(("loads", f"{loads} on links{weights}"))
         lines += [*constraint_lines(scene), *present]
         if scene.loads_along:
             own = (("line load", scene.line_loads), ("pressure", scene.pressures))

@@ -78,10 +78,14 @@ def with_constant_leaves(model: Model) -> Model:
     Raises SceneError for leaf springs that have weight or are stressed in the undeformed configuration, and for models with
     reduced bodies.
     """
+    for load in model.scene.loads_along:
+        raise SceneError(
+            f"'{load.name}': method = 'constant' knows no loads along leaf springs; use another method"
+        )
     if model.bodies or len(model.arrays.weight):
-        what = "leaf springs with weight (without='gravity' leaves it out)"
-        if model.bodies or model.scene.line_loads or model.scene.pressures:
-            what = "reduced bodies" if model.bodies else "loads along leaf springs"
+        what = (
+            "reduced bodies" if model.bodies else "leaf springs with weight (without='gravity' leaves it out)"
+        )
         raise SceneError(f"method = 'constant' knows no {what}; use another method")
     leaves = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.leaves()}
     leaves |= {name: leaf for name, _, _, leaf in cut_leaves(model.scene)}

@@ -36,7 +36,7 @@ from ksd.model.pack import Member
 from ksd.model.warping_runs import clamped_twist
 from ksd.scene.curve import MAX_CURVE_MODES, Curve, CurvePart, cached_line, projection_error
 from ksd.scene.leaf import CHORD_FIT, LeafCondition
-from ksd.scene.line_load import loads_between
+from ksd.scene.line_load import forces_along, loads_between
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.along_leaf import AlongLeaf
@@ -654,11 +654,12 @@ def loads_of_pieces(scene: Any) -> dict[str, tuple[float, ...]]:
     """Line load at the start and its change to the end (3 each) [N/m], and pressure [Pa], of the leaves and pieces of
     `cut_leaves` that have loads along them, by name."""
     found: dict[str, tuple[float, ...]] = {}
-    loaded = {load.leaf for load in scene.loads_along}
+    along = forces_along(scene)
+    loaded = {load.leaf for load in along}
     for placed in scene.leaves if loaded else ():
         if placed.name not in loaded:
             continue
-        own = [x for x in scene.loads_along if x.leaf == placed.name]
+        own = [x for x in along if x.leaf == placed.name]
         length, cuts = placed.leaf.length, sorted(p.s for p in scene.points if p.leaf == placed.name)
         for k, (first, last) in enumerate(pairwise((0.0, *cuts, length))):
             force, change, pressure = loads_between(own, length, first, last)

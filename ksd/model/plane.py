@@ -322,7 +322,11 @@ def _planar_rows(
 
 def _load_name(scene: Scene, i: int) -> str:
     """Name of load i: loads on moving links in the order of the scene, then weights."""
-    names = [f"load '{load.name}'" for load in scene.loads if load.link != scene.links[0]]
+    names = [
+        f"{'line ' * (load.link in scene.unlisted)}load '{load.name}'"
+        for load in scene.loads
+        if load.link != scene.links[0]
+    ]
     names += [f"the weight of link '{mass.link}'" for mass in scene.masses]
     return names[i] if i < len(names) else f"load {i + 1}"
 

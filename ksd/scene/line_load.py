@@ -1,4 +1,4 @@
-"""Loads along free-form leaf springs: a force per length, and a pressure on a face."""
+"""Loads along free-form leaf springs: a force and a moment per length, and a pressure on a face."""
 
 from __future__ import annotations
 
@@ -30,30 +30,48 @@ def _checked_span(load: Any, owner: str) -> None:
 
 @dataclass(frozen=True)
 class LineLoad:
-    """Dead force per length (3,) [N/m] of a leaf, in global axes: `force` at `start`, and `to` at `end`, linear between.
+    """Dead force (3,) [N/m] and moment (3,) [Nm/m] per length of a leaf, in global axes: `force` and `moment` at `start`,
+    `to` and `to_moment` at `end`, linear between.
 
-    start, end [m]: arc lengths from the start of the leaf, undeformed; end None: its end; to None: `force` all along. It
-    acts on the centreline and keeps its direction in space.
+    start, end [m]: arc lengths from the start of the leaf, undeformed; end None: its end; to, to_moment None: `force`,
+    `moment` all along. It acts on the centreline; both keep their direction in space.
     """
 
     name: str
     leaf: str
-    force: Vector
+    force: Vector = (0.0, 0.0, 0.0)
     to: Vector | None = None
     start: float = 0.0
     end: float | None = None
+    moment: Vector = (0.0, 0.0, 0.0)
+    to_moment: Vector | None = None
 
     def __post_init__(self) -> None:
         owner = f"line load '{word(self.name, 'name', owner='line load')}'"
-        for key in ("force", "to"):
+        for key, unit in {"force": "N/m", "to": "N/m", "moment": "Nm/m", "to_moment": "Nm/m"}.items():
             if getattr(self, key) is not None:
-                self.__dict__[key] = vector(getattr(self, key), key, owner=owner, unit="N/m")
+                self.__dict__[key] = vector(getattr(self, key), key, owner=owner, unit=unit)
         _checked_span(self, owner)
 
     @property
     def end_force(self) -> Vector:
         """Force per length (3,) [N/m] at `end`."""
         return self.force if self.to is None else self.to
+
+    @property
+    def end_moment(self) -> Vector:
+        """Moment per length (3,) [Nm/m] at `end`."""
+        return self.moment if self.to_moment is None else self.to_moment
+
+    @property
+    def has_moment(self) -> bool:
+        """Whether it has a moment per length."""
+        return any(self.moment) or any(self.end_moment)
+
+    @property
+    def has_force(self) -> bool:
+        """Whether it has a force per length, be it one of zero."""
+        return any(self.force) or any(self.end_force) or not self.has_moment
 
 
 @dataclass(frozen=True)
@@ -82,11 +100,16 @@ class Pressure:
         _checked_span(self, owner)
 
 
+def forces_along(scene: Any) -> list[LineLoad | Pressure]:
+    """The loads along leaf springs that are forces."""
+    return [x for x in scene.loads_along if isinstance(x, Pressure) or x.has_force]
+
+
 def load_edges(scene: Any, leaf: str, length: float) -> list[float]:
-    """Arc lengths [m] inside a leaf at which a load along it begins or ends."""
+    """Arc lengths [m] inside a leaf at which a force along it begins or ends."""
     edges = {
         edge
-        for load in scene.loads_along
+        for load in forces_along(scene)
         if load.leaf == leaf
         for edge in (load.start, load.end)
         if edge is not None and 1e-9 * length < edge < (1.0 - 1e-9) * length

@@ -44,7 +44,10 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
         yield "load", p.name, p.link, ", ".join(force + moment) + ", following" * p.following
     for line in scene.line_loads:
         to = "" if line.to is None else f" to {vector_text(line.to)}"
-        yield "line load", line.name, line.leaf, f"{vector_text(line.force)}{to} N/m, {_span(line)}"
+        to_moment = "" if line.to_moment is None else f" to {vector_text(line.to_moment)}"
+        force = [f"{vector_text(line.force)}{to} N/m"] * line.has_force
+        moment = [f"moment {vector_text(line.moment)}{to_moment} Nm/m"] * line.has_moment
+        yield "line load", line.name, line.leaf, ", ".join([*force, *moment, _span(line)])
     for push in scene.pressures:
         yield "pressure", push.name, push.leaf, f"{push.pressure:.4g} Pa along {push.side}, {_span(push)}"
     for m in scene.masses:

@@ -92,7 +92,7 @@ FUNCTIONS_OF_KSD = (
 SYNONYMS = {
     "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
     "force": "load", "moment": "load", "torque": "load", "distributed_load": "line_load",
-    "uniform_load": "line_load", "connect": "join", "joint": "join", "hinge": "pin",
+    "uniform_load": "line_load", "distributed_moment": "line_load", "connect": "join", "joint": "join", "hinge": "pin",
     "spherical": "ball", "cylinder": "cylindrical", "body": "link",
     "beam": "leaf", "flexure": "leaf", "temperature": "heat", "dashpot": "damper", "measure": "sensor", "probe": "sensor",
     "limit": "stop", "end_stop": "stop", "tendon": "cable", "rope": "cable",
@@ -905,24 +905,44 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self,
         leaf: PlacedLeaf | str,
         *,
-        force: ArrayLike,
+        force: ArrayLike | None = None,
+        moment: ArrayLike | None = None,
         to: ArrayLike | None = None,
+        to_moment: ArrayLike | None = None,
         start: float = 0.0,
         end: float | None = None,
         name: str | None = None,
     ) -> LineLoad:
-        """Load a free-form leaf along its length: `force` (3,) [N/m] per undeformed length, in global axes, which keeps its
-        direction.
+        """Load a free-form leaf along its length: `force` (3,) [N/m] and `moment` (3,) [Nm/m] per undeformed length, in
+        global axes, which keep their direction.
 
-        to (3,) [N/m]: the force per length at `end`, linear from `force` at `start`; None: `force` all along. start, end
-        [m]: arc lengths from the start of the leaf between which it acts, by default all of it. The default name is
-        "leaf.line_load". Example: mechanism.line_load(beam, force=(0, -2.0, 0), end=0.04). Raises SceneError.
+        to (3,) [N/m], to_moment (3,) [Nm/m]: force and moment per length at `end`, linear from `force` and `moment` at
+        `start`; None: these all along. start, end [m]: arc lengths from the start of the leaf between which it acts, by
+        default all of it. The default name is "leaf.line_load". Example: mechanism.line_load(beam, force=(0, -2.0, 0),
+        end=0.04). Raises SceneError.
         """
         placed, label = self._place_of_load(leaf, "line_load", name)
+        owner = f"line load '{label}'"
+        if force is None and moment is None:
+            raise SceneError(f"{owner}: give force, moment, or both.")
+        for key, last, first in (("to", to, force), ("to_moment", to_moment, moment)):
+            if last is not None and first is None:
+                known = "force" if key == "to" else "moment"
+                raise SceneError(
+                    f"{owner}: {key} = {show(last)} is its {known} at the end; give {known} too."
+                )
+        zero = (0.0, 0.0, 0.0)
         added = LineLoad(
-            label, placed.name, as_given(force), None if to is None else as_given(to), start, end
+            label,
+            placed.name,
+            zero if force is None else as_given(force),
+            None if to is None else as_given(to),
+            start,
+            end,
+            zero if moment is None else as_given(moment),
+            None if to_moment is None else as_given(to_moment),
         )
-        self._check_span(placed, added, f"line load '{label}'")
+        self._check_span(placed, added, owner)
         self._line_loads.append(added)
         return added
 

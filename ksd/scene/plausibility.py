@@ -143,6 +143,11 @@ def _efforts_out_of_plane(scene: Scene, normal: np.ndarray, axis: str) -> Iterat
 
     for load in scene.loads:
         yield from effort(f"load '{load.name}'", load.force, load.moment)
+    leaves = scene.leaf_names()
+    for along in scene.line_loads:
+        half = 0.5 * ((leaves[along.leaf].length if along.end is None else along.end) - along.start)
+        force, turn = np.add(along.force, along.end_force), np.add(along.moment, along.end_moment)
+        yield from effort(f"line load '{along.name}'", half * force, half * turn)
     if scene.gravity is not None:
         mass = sum(m.mass for m in scene.masses) + sum(map(_leaf_mass, scene.leaf_names().values()))
         yield from effort(f"gravity on {mass:.4g} kg", mass * np.asarray(scene.gravity), (0.0, 0.0, 0.0))

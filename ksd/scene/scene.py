@@ -94,11 +94,15 @@ class PlacedLeaf:
 
 @dataclass(frozen=True)
 class LeafPoint:
-    """Link `name`, without mass, clamped to the free-form leaf `leaf` at arc length s [m] from its start."""
+    """Link `name`, without mass, clamped to the free-form leaf `leaf` at arc length s [m] from its start.
+
+    of_load: whether it was made for a moment along the leaf (`ksd.model.line_moments`); then it is not listed.
+    """
 
     name: str
     leaf: str
     s: float
+    of_load: bool = False
 
 
 @dataclass(frozen=True)
@@ -155,6 +159,17 @@ class Scene(NotebookTables):
     def loads_along(self) -> tuple[LineLoad | Pressure, ...]:
         """Line loads and pressures."""
         return (*self.line_loads, *self.pressures)
+
+    @property
+    def unlisted(self) -> frozenset[str]:
+        """Links that are points made for moments along leaf springs."""
+        return frozenset(p.name for p in self.points if p.of_load)
+
+    @property
+    def loads_on_links(self) -> tuple[Load, ...]:
+        """The loads without those that stand for moments along leaf springs."""
+        unlisted = self.unlisted
+        return tuple(x for x in self.loads if x.link not in unlisted)
 
     def leaf_names(self) -> dict[str, Leaf]:
         """All leaf springs by full name: "joint/leaf" in joints, their own name for free-form ones."""

@@ -150,7 +150,8 @@ STATEMENTS: dict[str, Schema] = {
         "name": "text",
     },
     "line_load": {
-        "leaf": "text!", "force": "stiffness[3]!", "to": "stiffness[3]", "start": "length", "end": "length", "name": "text",
+        "leaf": "text!", "force": "stiffness[3]", "to": "stiffness[3]", "moment": "moment per length[3]",
+        "to_moment": "moment per length[3]", "start": "length", "end": "length", "name": "text",
     },
     "pressure": {
         "leaf": "text!", "pressure": "stress!", "side": "text", "start": "length", "end": "length", "name": "text",

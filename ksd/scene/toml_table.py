@@ -22,7 +22,7 @@ _EXAMPLES = {
     "density": "7800 kg/m^3", "acceleration": "9.81 m/s^2", "stiffness": "200 N/m", "torsional stiffness": "0.2 Nm/rad",
     "softness": "0.01 mm/N", "torsional softness": "0.1 deg/Nm",
     "damping": "2 N s/m", "torsional damping": "0.1 Nm s/rad", "time": "50 ms",
-    "frequency": "20 Hz",
+    "frequency": "20 Hz", "moment per length": "0.5 Nm/m",
     "inertia": "3 kg mm^2", "temperature": "20 K", "expansion": "12e-6 1/K", "area": "40 mm^2",
     "second moment": "3 mm^4", "warping constant": "2 mm^6",
 }  # fmt: skip

@@ -117,6 +117,12 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     statements |= {
         key: [_keys_tree(part, STATEMENTS[key], names) for part in parts] for key, parts in by_schema.items()
     }
+    for table, line in zip(statements["line_load"], scene.line_loads, strict=True):
+        for key in [
+            *("force", "to") * (not line.has_force),
+            *("moment", "to_moment") * (not line.has_moment),
+        ]:
+            table.pop(key, None)
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
     tree: Tree = {

@@ -118,7 +118,9 @@ def _start(
     still = with_load_factors(scene, {name: f.before(0.0) for name, f in words.loads.items()})
     moved = tuple(load for load in still.loads if any(load.force) or any(load.moment))
     still = replace(still, loads=moved)
-    is_pushed = moved or any(any(line.force) or any(line.end_force) for line in still.line_loads)
+    is_pushed = moved or any(
+        any((*line.force, *line.end_force, *line.moment, *line.end_moment)) for line in still.line_loads
+    )
     if not any(values.values()) and not is_pushed and (scene.gravity is None or not any(scene.gravity)):
         work = make_workspace(model.arrays)
         if assemble(model.arrays, model.rest.copy(), model.targets(values), 0.0, work)[0] <= 1.0:

@@ -138,10 +138,12 @@ def parameters_of(
                 loads.append(f"{load.name}_{kind}_{letter}")
                 add(loads[-1], value, magnitude, partial(_load_scene, scene, k, kind, axis))
     for k, line in enumerate(scene.line_loads):
-        for axis, letter in enumerate(AXES):
-            loads.append(f"{line.name}_force_{letter}")
-            magnitude = math.hypot(*line.force, *line.end_force) or 1.0
-            add(loads[-1], line.force[axis], magnitude, partial(_line_load_scene, scene, k, axis))
+        for kind in ["force"] * line.has_force + ["moment"] * line.has_moment:
+            first, last = getattr(line, kind), getattr(line, f"end_{kind}")
+            for axis, letter in enumerate(AXES):
+                loads.append(f"{line.name}_{kind}_{letter}")
+                magnitude = math.hypot(*first, *last) or 1.0
+                add(loads[-1], first[axis], magnitude, partial(_line_load_scene, scene, k, kind, axis))
     for k, press in enumerate(scene.pressures):
         loads.append(press.name)
         add(press.name, press.pressure, abs(press.pressure) or 1.0, partial(_pressure_scene, scene, k))
@@ -207,15 +209,15 @@ def _load_scene(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
 
 
-def _line_load_scene(scene: Any, k: int, axis: int, value: float) -> Any:
-    """The scene with another value of one component of line load k, at both ends by as much."""
-    line, ends = scene.line_loads[k], []
-    for force in (line.force, line.to):
-        vector = None if force is None else list(force)
+def _line_load_scene(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
+    """The scene with another value of one component of the force or moment of line load k, at both ends by as much."""
+    line, keys = scene.line_loads[k], {"force": ("force", "to"), "moment": ("moment", "to_moment")}[kind]
+    ends: dict[str, Any] = {key: getattr(line, key) for key in keys}
+    change = value - ends[kind][axis]
+    for key, vector in ends.items():
         if vector is not None:
-            vector[axis] += value - line.force[axis]
-        ends.append(None if vector is None else tuple(vector))
-    changed = replace(line, force=ends[0], to=ends[1])
+            ends[key] = (*vector[:axis], vector[axis] + change, *vector[axis + 1 :])
+    changed = replace(line, **ends)
     return replace(scene, line_loads=(*scene.line_loads[:k], changed, *scene.line_loads[k + 1 :]))
 
 

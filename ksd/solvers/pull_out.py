@@ -60,7 +60,7 @@ def pull_out(pose: Configuration, link: Link | str, *, along: Axis, at: ArrayLik
     while step > ACCURACY * max(reached, 1e-3 * total):
         load = Load("pull", name, tuple(((reached + step) * axis).tolist()), (0.0, 0.0, 0.0), point)
         scene = replace(base.scene, loads=(*base.scene.loads, load))
-        original = replace(base.original_scene, loads=scene.loads)
+        original = replace(base.original_scene, loads=(*base.original_scene.loads, load))
         model = compile_as_is(scene, base.mesh, original, base.choice)
         try:
             moved = solve_with_contact(model, pose.targets, touched.values, start=here, smallest_step=0.3)

@@ -174,10 +174,11 @@ class Result:
     @property
     def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Displacement (3,) [m] of the reference point and rotation matrix (3, 3) of every link, by name."""
-        rest = self.model.rest
+        rest, unlisted = self.model.rest, self.model.scene.unlisted
         moved = {
             link: (self.motion.x[i] - rest.x[i], self.motion.R[i].copy())
             for i, link in enumerate(self.model.scene.links)
+            if link not in unlisted
         }
         return NamedAnswers(moved, "link")
 

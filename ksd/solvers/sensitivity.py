@@ -94,7 +94,16 @@ def _scale_loads(scene: Any, factor: float) -> Any:
         return tuple(factor * part for part in vector)
 
     loads = tuple(replace(x, force=times(x.force), moment=times(x.moment)) for x in scene.loads)
-    lines = tuple(replace(x, force=times(x.force), to=times(x.end_force)) for x in scene.line_loads)
+    lines = tuple(
+        replace(
+            x,
+            force=times(x.force),
+            to=times(x.end_force),
+            moment=times(x.moment),
+            to_moment=times(x.end_moment),
+        )
+        for x in scene.line_loads
+    )
     pressures = tuple(replace(x, pressure=factor * x.pressure) for x in scene.pressures)
     return replace(
         scene,

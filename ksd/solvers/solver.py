@@ -580,8 +580,10 @@ class Solver:
         if self.model.bodies:
             found = solve_bodies_by_load_steps(self.model, values, self.order)
         else:
-            if self.model.scene.line_loads or self.model.scene.pressures:
-                raise SceneError("reduced bodies know no loads along leaf springs; use another method")
+            for load in self.model.scene.loads_along:
+                raise SceneError(
+                    f"'{load.name}': reduced bodies know no loads along leaf springs; use another method"
+                )
             condense_joints = method == "modal"
             if condense_joints not in self._reduced:
                 self._reduced[condense_joints] = ReducedBodySolver(

@@ -78,5 +78,7 @@ def with_load_factors(scene: Any, factors: Mapping[str, float]) -> Any:
         loads.append(replace(load, force=times(load.force, factor), moment=times(load.moment, factor)))
     for line in scene.line_loads:
         factor = factors.get(line.name, 1.0)
-        lines.append(replace(line, force=times(line.force, factor), to=times(line.end_force, factor)))
+        force, to = times(line.force, factor), times(line.end_force, factor)
+        moment, to_moment = times(line.moment, factor), times(line.end_moment, factor)
+        lines.append(replace(line, force=force, to=to, moment=moment, to_moment=to_moment))
     return replace(scene, loads=tuple(loads), line_loads=tuple(lines))

@@ -95,7 +95,10 @@ class Stepper:
             self._motion.set_speeds(words.speeds)
         self.longest = chosen if longest is None else longest
         self.loads = (*(x.name for x in scene.loads), *(x.name for x in scene.line_loads))
-        self._factors = dict(zip(self.loads, self._motion.factors, strict=False))
+        # a moment along a leaf is several loads of its name
+        own = self._motion.moving.model.scene
+        names = [x.name for x in (*own.loads, *own.line_loads)]
+        self._factors = list(zip(names, self._motion.factors, strict=True))
         self._rho = words.rho
         self.start = self._state(Run([self._motion.row()], {}), {}, math.nan)
 
@@ -147,8 +150,7 @@ class Stepper:
     def _acting(self, inputs: Mapping[str, float], t: float) -> Any:
         """Set the factors of the loads to inputs, and give loads and gravity at an instant."""
         self._motion.factors = [
-            Constant(inputs[name], start=inputs[name]) if name in inputs else f
-            for name, f in self._factors.items()
+            Constant(inputs[name], start=inputs[name]) if name in inputs else f for name, f in self._factors
         ]
         return self._motion.acting(np.array([t]))
 

@@ -80,9 +80,20 @@ def draw_arrows(
 
 
 def _draw_line_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) -> Array:
-    """Draw a load along a leaf as a row of arrows that end on it, with a line along their tails; returns points no label
-    should cover."""
+    """Draw a load along a leaf as a row of arrows that end on it, with a line along their tails, or a row of turning arrows
+    about it; returns points no label should cover."""
     largest = float(np.linalg.norm(load.value, axis=1).max()) or 1.0
+    if load.kind == "moment":
+        amounts = np.linalg.norm(load.value, axis=1)
+        rings = [
+            _draw_rotation(axes, camera, place, value / amount, 0.5 * size * amount / largest, LOAD_COLOR)
+            for place, value, amount in zip(load.place, load.value, amounts, strict=True)
+            if amount > MIN_LINE_LOAD_ARROW * largest
+        ]
+        line = np.concatenate([*rings, np.array([camera.flat(load.place[0])])])
+        if labels:
+            _label(axes, f"{load.name}: {load.text}", line[len(line) // 2], LOAD_COLOR)
+        return line
     tails = load.place - LINE_LOAD_ARROW * size * load.value / largest
     for tail, tip, value in zip(tails, load.place, load.value, strict=True):
         if np.linalg.norm(value) > MIN_LINE_LOAD_ARROW * largest:

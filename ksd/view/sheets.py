@@ -95,7 +95,8 @@ def _marks(shape: Shape, size: float, scene: Scene) -> list[tuple[str, str, str,
     for line in shape.line_loads:
         most = float(np.linalg.norm(line.value, axis=1).max()) or 1.0
         arrows = zip(line.place, 0.5 * long * line.value / most, strict=True)
-        marks += [("arrow", "load", line.name, place, vector) for place, vector in arrows]
+        figure = "arrow" if line.kind == "force" else "turn"
+        marks += [(figure, "load", line.name, place, vector) for place, vector in arrows]
     for h in shape.hinges:
         figure = {"pin": "pin", "slider": "box", "ball": "ball", "cylindrical": "pin"}[h.kind]
         marks.append((figure, "hinge", h.name, h.place, 0.2 * long * h.axis))
