@@ -117,7 +117,7 @@ def link_forces(
     found = interface_forces(model, motion, load_factor=load_factor, sections=sections)
     for link in model.scene.links:
         mine = [r for r in found.rows if r.link == link]
-        if not mine or link in model.scene.unlisted:
+        if not mine:
             continue
         rows += [LinkForce("link", r.name, link, r.force, r.moment, r.point) for r in mine]
         rows.append(_applied_force(mine, link, motion.x[model.node_names.index(link)].copy()))

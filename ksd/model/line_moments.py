@@ -2,8 +2,8 @@
 
 The work of the moment on rotations that are polynomials along the part is exact, so what is left is what the steps of the
 inner moment at the points do to the shape in second order: it falls with the fourth power of the number of points. With
-POINTS of them along a whole leaf the place of its end is 3e-7 of its displacement off where m L^2 / EI = 2, bent by 1 rad,
-and 2e-6 at 8. The inner moment has no steps in answers: `missing_moment` fills them (`ksd.answers.forces`).
+POINTS of them along a whole leaf the place of its end is 7e-7 of its displacement off where m L^2 / EI = 2, which bends it
+by 1 rad, and 3e-6 at 8. The inner moment has no steps in answers: `missing_moment` fills them (`ksd.answers.forces`).
 
 Within the leaf itself the moment would need another leaf kernel: of fixed direction in space it has no potential, so that
 the tangent of the amplitudes is not symmetric, which their elimination takes for granted (`ksd.elements.strain`).
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.checks import as_vector
+from ksd.errors import SceneError
 from ksd.scene.line_load import LineLoad
 from ksd.scene.load import Load
 from ksd.scene.scene import LeafPoint
@@ -52,6 +53,12 @@ def with_moment_points(scene: Any) -> Any:
     leaves, points, loads = {f.name: f.leaf for f in scene.leaves}, list(scene.points), list(scene.loads)
     for line in lines:
         leaf = leaves[line.leaf]
+        state = leaf.condition
+        if leaf.curve is not None and state is not None and (any(state.shift) or any(state.turn)):
+            raise SceneError(
+                f"line load '{line.name}': its moment acts on points of leaf '{line.leaf}', which may not be curved and "
+                "have an assembly error (mechanism.fit) then; leave one of them out"
+            )
         for k, (s, moment) in enumerate(zip(*moments_on_points(line, leaf.length), strict=True)):
             near = 1e-9 * leaf.length
             point = next((p for p in points if p.leaf == line.leaf and abs(p.s - s) <= near), None)

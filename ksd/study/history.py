@@ -373,7 +373,7 @@ class History(PrintableAnswer):
         for s in self.trace.model.scene.sensors:
             found[s.name] = self.sensors[s.name], s.unit
         for link in self.trace.model.scene.links:
-            if link != GROUND:
+            if link != GROUND and link not in self.trace.model.scene.unlisted:
                 moved, turned = self[link].displacement, _rotation_vectors(self[link].rotation)
                 found |= {f"{link} {axis}": (moved[:, i], "m") for i, axis in enumerate("xyz")}
                 found |= {f"{link} r{axis}": (turned[:, i], "rad") for i, axis in enumerate("xyz")}
