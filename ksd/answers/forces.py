@@ -133,7 +133,6 @@ def _fill_steps_of_moments(
 ) -> None:
     """Make the inner moment of leaf springs with moments per length, whose points (`ksd.model.line_moments`) it has steps
     at, continuous in `parts`, stations and section forces by member."""
-    lines = [line for line in model.scene.line_loads if line.has_moment]
     leaves, members, axes = scene_leaves(model), leaf_members(model), dict[int, Array]()
     for group in (*leaf_groups(model), *chain_groups(model)):
         if group.is_chain:
@@ -142,14 +141,14 @@ def _fill_steps_of_moments(
             ends = end_frames(model, motion, group.members)
             R = group_curves(model, motion, group, points, load_factor)[2]
         axes |= zip(group.members.tolist(), ends.frame[:, None] @ R, strict=True)
-    for name in dict.fromkeys(line.leaf for line in lines):
-        own, length, at = [line for line in lines if line.leaf == name], leaves[name].length, 0.0
+    for name in dict.fromkeys(line.leaf for line in model.scene.line_loads if line.has_moment):
+        length, at = leaves[name].length, 0.0
         total = sum(parts[i][0][-1] for i in members[name])
         for i in members[name]:
             s, forces = parts[i]
             # heat changes the natural length
             here, middle = ((at + part) * length / total for part in (s, 0.5 * s[-1]))
-            missing = load_factor * missing_moment(own, length, here, middle)
+            missing = load_factor * missing_moment(model.scene, name, length, here, middle)
             forces[:, 3:] += (missing[:, None] @ axes[i])[:, 0]
             at += s[-1]
 

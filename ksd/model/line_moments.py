@@ -1,9 +1,10 @@
-"""Moments per length along leaf springs, as dead moments on points of the leaf: the Gauss points of the loaded part.
+"""Moments per length along leaf springs, as dead moments on points of the leaf: Gauss points between other points of it.
 
-The work of the moment on rotations that are polynomials along the part is exact, so what is left is what the steps of the
+The work of the moment on rotations that are polynomials along the leaf is exact, so what is left is what the steps of the
 inner moment at the points do to the shape in second order: it falls with the fourth power of the number of points. With
 POINTS of them along a whole leaf the place of its end is 7e-7 of its displacement off where m L^2 / EI = 2, which bends it
-by 1 rad, and 3e-6 at 8. The inner moment has no steps in answers: `missing_moment` fills them (`ksd.answers.forces`).
+by 1 rad, and 3e-6 at 8; so are points of the user, between which the rule is applied. The inner moment has no steps in
+answers: `missing_moment` fills them (`ksd.answers.forces`).
 
 Within the leaf itself the moment would need another leaf kernel: of fixed direction in space it has no potential, so that
 the tangent of the amplitudes is not symmetric, which their elimination takes for granted (`ksd.elements.strain`).
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,16 +35,25 @@ def _span(line: LineLoad, length: float) -> tuple[float, float]:
     return line.start, length if line.end is None else min(line.end, length)
 
 
-def moments_on_points(line: LineLoad, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Arc lengths (n,) [m] and moments (n, 3) [Nm] on the leaf there, which stand for the moment of a line load."""
+def moments_on_points(
+    line: LineLoad, length: float, cuts: Iterable[float] = ()
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Arc lengths (n,) [m] and moments (n, 3) [Nm] on the leaf there, which stand for the moment of a line load.
+
+    cuts [m]: arc lengths of other points of the leaf.
+    """
     start, end = _span(line, length)
-    # rounded off thirds and quarters, so that n does not change beside them
-    x, weight = np.polynomial.legendre.leggauss(
-        max(FEWEST_POINTS, round(POINTS * (end - start) / length + 0.2))
-    )
-    share = 0.5 * (1.0 + x)[:, None]
-    moment = (1.0 - share) * np.asarray(line.moment) + share * np.asarray(line.end_moment)
-    return start + (end - start) * share[:, 0], 0.5 * (end - start) * weight[:, None] * moment
+    places, moments = [], []
+    for a, b in pairwise((start, *sorted(s for s in cuts if start < s < end), end)):
+        # rounded off thirds and quarters, so that n does not change beside them
+        count = max(FEWEST_POINTS, round(POINTS * (b - a) / length + 0.2))
+        x, weight = np.polynomial.legendre.leggauss(count)
+        s = a + (b - a) * 0.5 * (1.0 + x)
+        share = ((s - start) / (end - start))[:, None]
+        moment = (1.0 - share) * np.asarray(line.moment) + share * np.asarray(line.end_moment)
+        places.append(s)
+        moments.append(0.5 * (b - a) * weight[:, None] * moment)
+    return np.concatenate(places), np.concatenate(moments)
 
 
 def with_moment_points(scene: Any) -> Any:
@@ -59,7 +70,8 @@ def with_moment_points(scene: Any) -> Any:
                 f"line load '{line.name}': its moment acts on points of leaf '{line.leaf}', which may not be curved and "
                 "have an assembly error (mechanism.fit) then; leave one of them out"
             )
-        for k, (s, moment) in enumerate(zip(*moments_on_points(line, leaf.length), strict=True)):
+        cuts = [p.s for p in scene.points if p.leaf == line.leaf]
+        for k, (s, moment) in enumerate(zip(*moments_on_points(line, leaf.length, cuts), strict=True)):
             near = 1e-9 * leaf.length
             point = next((p for p in points if p.leaf == line.leaf and abs(p.s - s) <= near), None)
             if point is None:
@@ -81,16 +93,18 @@ def without_moments(scene: Any) -> Any:
 
 
 def missing_moment(
-    lines: Iterable[LineLoad], length: float, s: NDArray[np.float64], middle: float
+    scene: Any, leaf: str, length: float, s: NDArray[np.float64], middle: float
 ) -> NDArray[np.float64]:
     """Inner moment (k, 3) [Nm], global, that moments along a leaf cause at arc lengths s (k,) [m], less that of their points
-    on a piece of the leaf around `middle` [m]."""
+    on the piece of the leaf around `middle` [m]; scene: that of `with_moment_points`."""
     found = np.zeros((len(s), 3))
-    for line in lines:
+    beyond = {p.name for p in scene.points if p.leaf == leaf and p.s > middle}
+    for line in (x for x in scene.line_loads if x.leaf == leaf and x.has_moment):
         start, end = _span(line, length)
         rest = (np.clip(end - s, 0.0, end - start) / (end - start))[:, None]
         first, last = np.asarray(line.moment), np.asarray(line.end_moment)
         found += (end - start) * (rest * last + 0.5 * rest**2 * (first - last))
-        at, moments = moments_on_points(line, length)
-        found -= moments[at > middle].sum(axis=0)
+        for load in scene.loads:
+            if load.name == line.name and load.link in beyond:
+                found -= load.moment
     return found

@@ -11,8 +11,8 @@ from scipy.optimize import root
 import ksd
 from ksd.interactive.drawing import Drawing
 from ksd.interactive.sliders import load_size, with_loads
+from ksd.model.chosen_effects import with_load_points
 from ksd.model.line_moments import missing_moment, moments_on_points
-from ksd.scene.line_load import LineLoad
 
 E, NU, T, W, L = 200e9, 0.3, 0.5e-3, 10e-3, 0.1
 STEEL, STRIP = ksd.Material(E=E, nu=NU, density=7800), ksd.rectangle(T, W)
@@ -43,8 +43,10 @@ def solved(scene, **words):
 
 
 def shot(moment, spans, tip):
-    """Position and rotation of the tip, and the inner wrench (6,) in section axes as a function of s, of the strip as a rod,
-    by shooting: moment(s) (3,) [Nm/m], cuts of the integration, and dead force (3,) [N] at the tip."""
+    """Position, rotation and inner wrench (6,), in section axes, as functions of s, of the strip as a rod, by shooting.
+
+    moment: function of s (3,) [Nm/m]; spans: cuts of the integration; tip: dead force (3,) [N] there.
+    """
     stiff = np.array([G * STRIP.J, E * STRIP.Iy, EI])
     soft = np.array([1 / (E * STRIP.A), 1 / (STRIP.ky * G * STRIP.A), 1 / (STRIP.kz * G * STRIP.A)])
 
@@ -72,13 +74,12 @@ def shot(moment, spans, tip):
     assert np.abs(gap(wrench, 1.0)).max() < 1e-8
     pieces = list(parts(wrench))
 
-    def inner(s):
+    def at(s):
         y = next(p for p in pieces if s <= p.t[-1] + 1e-12).sol(s)
         R = y[3:12].reshape(3, 3)
-        return np.concatenate([R.T @ y[12:15], R.T @ y[15:]])
+        return y[:3], R, np.concatenate([R.T @ y[12:15], R.T @ y[15:]])
 
-    y = pieces[-1].y[:, -1]
-    return y[:3], y[3:12].reshape(3, 3), inner
+    return at
 
 
 SHOT = {
@@ -94,7 +95,9 @@ SHOT = {
 @pytest.mark.parametrize("name", SHOT)
 def test_shooting(name):
     plane, words, tip = SHOT[name]
-    scene = loaded(plane, **words)
+    scene, leaf = strip(plane)
+    scene.point(leaf, 0.037, name="point")
+    scene.line_load(leaf, **words)
     scene.load("tip", force=tip, at=(L, 0, 0))
     pose = solved(scene)
     first, start, end = np.array(words["moment"]), words.get("start", 0.0), words.get("end", L)
@@ -103,15 +106,17 @@ def test_shooting(name):
     def moment(s):
         return (first + (last - first) * (s - start) / (end - start)) * (start <= s <= end)
 
-    place, R, inner = shot(moment, sorted({0.0, start, end, L}), tip)
-    moved = place - (L, 0, 0)
-    assert pose.displacement("tip") == pytest.approx(moved, abs=1e-6 * np.linalg.norm(moved))
-    assert pose.links["tip"][1] == pytest.approx(R, abs=1e-6)
+    shape = shot(moment, sorted({0.0, start, end, L}), tip)
+    moved = shape(L)[0] - (L, 0, 0)
+    for link, s in (("tip", L), ("point", 0.037)):
+        place, R, _ = shape(s)
+        assert pose.displacement(link) == pytest.approx(place - (s, 0, 0), abs=1e-6 * np.linalg.norm(moved))
+        assert pose.links[link][1] == pytest.approx(R, abs=1e-6)
     clamp = pose.interface_forces().of("strip", "ground")
-    assert np.concatenate([clamp.force, clamp.moment]) == pytest.approx(inner(0.0), abs=2e-7)
+    assert np.concatenate([clamp.force, clamp.moment]) == pytest.approx(shape(0.0)[2], abs=2e-7)
     # inside the moment is continuous
     along = pose.section_forces()["strip"]
-    true = np.array([inner(s)[3:] for s in along.s])
+    true = np.array([shape(s)[2][3:] for s in along.s])
     assert along.values[:, 3:] == pytest.approx(true, abs=1e-3 * np.abs(true).max())
     assert pose.iterations <= 6
     # the sign matters
@@ -158,15 +163,19 @@ def test_parts_are_the_whole(plane):
 
 
 def test_moment_that_the_points_miss():
-    """It is zero at the ends, and its mean over a piece with the points at its ends is small."""
-    line = LineLoad("m", "strip", start=0.02, end=0.09, moment=(1.0, 0, 2.0), to_moment=(0, 3.0, 4.0))
-    at, moments = moments_on_points(line, L)
+    """It is zero at the ends and at a point of one's own, and small in the middle of a piece."""
+    scene, leaf = strip()
+    scene.point(leaf, 0.05)
+    line = scene.line_load(leaf, start=0.02, end=0.09, moment=(1.0, 0, 2.0), to_moment=(0, 3.0, 4.0))
+    at, moments = moments_on_points(line, L, [0.05])
     total = 0.5 * 0.07 * np.array([1.0, 3.0, 6.0])
     assert moments.sum(axis=0) == pytest.approx(total, rel=1e-12)
-    s = np.array([0.0, 0.02, 0.5 * (at[3] + at[4]), 0.09, L])
-    for middle, here in ((0.01, s[:2]), (0.095, s[3:])):
-        assert missing_moment([line], L, here, middle) == pytest.approx(0.0, abs=1e-12)
-    assert np.abs(missing_moment([line], L, s[2:3], s[2])).max() < 2e-2 * total.max()
+    cut = with_load_points(scene.scene())
+    for s in (0.0, 0.02, 0.05, 0.09, L):
+        near = 1e-6 if s < 0.07 else -1e-6
+        assert missing_moment(cut, "strip", L, np.array([s]), s + near) == pytest.approx(0.0, abs=1e-12)
+    half = 0.5 * (at[2] + at[3])
+    assert np.abs(missing_moment(cut, "strip", L, np.array([half]), half)).max() < 2e-2 * total.max()
 
 
 def test_force_and_moment_in_one():
