@@ -294,6 +294,8 @@ def solve_complementarity(
                     pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, n < 0,
                     y, out, moved, turned, F, J, M, w, trial, forces,
                 )  # fmt: skip
+                if new <= TOLERANCE * size:
+                    return True, new, steps
                 if new < least:
                     least, best_scale = new, scale
                 if new < (1.0 - 0.1 * scale) * norm:
