@@ -144,6 +144,19 @@ def carried_payload():
     return scene
 
 
+def carried_guide():
+    """The same on the leaf springs of `guide`, which have mass."""
+    scene = ksd.Mechanism("carried", plane="xy")
+    carriage = scene.link("carriage", mass=2.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 0))
+    payload = scene.link("payload", mass=0.5, inertia=(4e-4, 4e-4, 4e-4), at=(0.1, 0, 0))
+    joint = ksd.ParallelGuide(STEEL, length=0.1, thickness=0.5e-3, width=0.03, spacing=0.06)
+    scene.join(carriage, payload, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.slider(carriage, along="y", at=(0, 0, 0))
+    scene.actuate(carriage, along="y", at=(0, 0, 0), name="push")
+    scene.load(payload, force=(0, 20, 0), at=(0.1, 0, 0), name="hit")
+    return scene
+
+
 def stage(gravity=0.0, loss_factor=None):
     """.5 kg on two upright leaf springs of 60 x 20 x .2 mm, held aside by .01 N."""
     scene = ksd.Mechanism("stage", plane="xy")

@@ -9,6 +9,7 @@ import pytest
 from motion_scenes import (
     CASES,
     bistable_beam,
+    carried_guide,
     carried_payload,
     driven_mass,
     guide,
@@ -26,6 +27,7 @@ from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.section import rectangle
+from ksd.solvers.dynamics import error_of_finer
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import random_motions
@@ -98,6 +100,17 @@ def test_a_jump_of_load_at_the_start_is_of_second_order(rho):
     for found in (places, forces):
         ratio = np.linalg.norm(found[0] - found[1]) / np.linalg.norm(found[1] - found[2])
         assert np.log2(ratio) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("rho", [0.5, 0.8, 1.0])
+def test_drive_forces_of_leaf_springs_with_mass_are_of_second_order_once_steps_follow_their_vibrations(rho):
+    """Those that a jump of load excites are up to 5.3 kHz; 8 periods of these."""
+    until, forces = 1.5e-3, []
+    for n in (192, 384, 768):
+        history = ksd.simulate(carried_guide(), until, dt=until / n, rho=rho, loads={"hit": ksd.Step(1.0)})
+        forces.append(history.drives["push"].force[:: n // 12][1:])
+    ratio = np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1] - forces[2])
+    assert np.log2(ratio) == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_jump_does_not_excite_motion_too_fast_for_the_steps():
@@ -400,6 +413,14 @@ def test_the_estimated_error_is_the_true_one():
         )
         assert trace.error <= accuracy
         assert 0.5 < trace.error / off < 2.0
+
+
+def test_the_error_of_vibrations_too_fast_for_the_steps_is_their_difference():
+    """Of slow ones a third of the difference of runs with h and 2 h is left in the finer, of fast ones all of it."""
+    t = (np.arange(400) + 0.5) / 400
+    slow, fast = np.cos(2.0 * np.pi * t), np.cos(160.0 * np.pi * t)
+    left = error_of_finer(np.column_stack([slow, fast, slow + fast]), t, 4.0)
+    assert left == pytest.approx(np.column_stack([slow / 3.0, fast, slow / 3.0 + fast]), abs=1e-4)
 
 
 def test_a_step_is_found_where_nothing_rings():
