@@ -9,6 +9,7 @@ import sys
 import warnings
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def main():
     from motion_scenes import carried_guide
 
     push = {"push": 0.0}
-    cases = (
+    cases: tuple[Any, ...] = (
         ("Guide, jump", carried_guide(), "payload", ksd.Step(), {}, 6e-3, range(4, 11)),
         ("Guide, ramp", carried_guide(), "payload", ksd.Ramp(5e-3), {}, 6e-3, range(1, 8)),
         ("Fourbar, jump", fourbar(), "left", ksd.Step(), push, 6e-5, range(1, 6)),
@@ -54,7 +55,7 @@ def main():
         print("| | rho |", " | ".join(f"{1e6 * until / n:.3g}" for n in steps[1:-1]), "| last difference |")
         print("|---|---|" + "---:|" * (len(steps) - 1))
         for rho in (1.0, 0.8, 0.5):
-            found = [], []
+            found: tuple[list[Any], list[Any]] = [], []
             for n in steps:
                 words = {"dt": until / n, "rho": rho, "loads": {"hit": load, **others}}
                 history, every = ksd.simulate(scene, until, progress=False, **words), n // INSTANTS

@@ -415,6 +415,15 @@ def test_the_estimated_error_is_the_true_one():
         assert 0.5 < trace.error / off < 2.0
 
 
+def test_the_estimated_error_holds_vibrations_too_fast_for_the_steps():
+    case = CASES["pivot"]
+    history = ksd.simulate(pivot(), 0.3, accuracy=2e-3, **case.words)
+    finer = case.run(0.3 / history.steps / 4)
+    own, other = history["tip"].position, finer["tip"].position[::4]
+    off = np.linalg.norm(own - other, axis=1).max() / np.linalg.norm(own - own[0], axis=1).max()
+    assert 0.5 < history.error / off < 2.0
+
+
 def test_the_error_of_vibrations_too_fast_for_the_steps_is_their_difference():
     """Of slow ones a third of the difference of runs with h and 2 h is left in the finer, of fast ones all of it."""
     t = (np.arange(400) + 0.5) / 400
