@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model, compile_as_is
-from ksd.model.leaves import leaf_orders
+from ksd.model.leaves import leaf_orders, restrained_twist
 from ksd.model.recut import bends_at, recut, section_at
 from ksd.scene.leaf import Leaf
 from ksd.scene.obstacle import Surface
@@ -176,10 +176,14 @@ def _order(scene: Scene, places: Mapping[str, float]) -> list[str]:
 
 
 def _cuts_are_linear(model: Model) -> bool:
-    """Whether the numbers of pieces are linear in the place of a cut: of straight leaf springs of one section."""
+    """Whether the numbers of pieces are linear in the place of a cut: of straight leaf springs of one section, whose warping
+    is free."""
     cut, scene = {strip.leaf.name for strip in strips(model)}, model.scene
     return not any(load.leaf in cut for load in scene.loads_along) and all(
-        f.leaf.curve is None and f.leaf.profile is None and f.leaf.condition is None
+        f.leaf.curve is None
+        and f.leaf.profile is None
+        and f.leaf.condition is None
+        and restrained_twist(f.leaf, model.mesh) is None
         for f in scene.leaves
         if f.name in cut
     )
@@ -232,6 +236,8 @@ class MovedCuts:
             self.known[name] = own, np.array(more), own.members.stiffness_scale * own.members.length
         own, rates, stiffness = self.known[name]
         found = Arrays(own.ints, own.floats + self._shifts(places) @ rates, own.topology)
+        # the longest piece may be the size of the mechanism, which is no linear number
+        found.floats[0] = own.size
         found.members.stiffness_scale[:] = stiffness / found.members.length
         return found
 

@@ -8,7 +8,15 @@ import pytest
 import ksd
 from ksd.model.gaps import SHIFT
 from ksd.solvers.contact_solve import solve_with_contact
-from ksd.solvers.leaf_contact import _compiled_at, curvatures, cut_at, cut_state, node_poses, strips
+from ksd.solvers.leaf_contact import (
+    _compiled_at,
+    curvatures,
+    cut_at,
+    cut_state,
+    node_poses,
+    places_of,
+    strips,
+)
 from ksd.solvers.touching import cut_model
 from ksd.units import mm
 
@@ -446,3 +454,41 @@ def test_a_leaf_spring_cut_elsewhere_keeps_its_shape():
     np.testing.assert_allclose(
         curvatures(other, there, leaf, near), curvatures(pose.model, pose.motion, leaf, near), atol=1e-9
     )
+
+
+def test_restrained_warping_is_compiled_where_the_leaf_is_cut():
+    """Its torsion along a piece is no linear number of the place of a cut."""
+    scene = ksd.Mechanism("wide strip")
+    tip, ball = scene.links("tip", "ball")
+    at, wide = (60 * mm, 20.25 * mm, 4 * mm), ksd.rectangle(0.5 * mm, 30 * mm)
+    scene.leaf(
+        "ground",
+        tip,
+        start=(0, 0, 0),
+        end=(0.1, 0, 0),
+        section=wide,
+        material=STEEL,
+        width_axis="z",
+        name="leaf",
+    )
+    for along in "xyz":
+        scene.actuate(ball, along=along, at=at, name=along)
+        scene.support(ball, about=along)
+    scene.contact("leaf", scene.surface(ball, ksd.shapes.ball(20 * mm), at=at), name="c")
+    for words in ({"about": "x"}, {"about": "z"}, {"along": "y", "at": (0.1, 0, 0)}):
+        scene.support(tip, **words)
+    pose = ksd.solve(scene, x=8 * mm, y=-5 * mm, z=3 * mm, with_="warping")
+    compiled = _compiled_at(pose.model, places_of(pose.model))
+    assert pose.error.relative < 1e-4
+    np.testing.assert_allclose(pose.model.arrays.members.value, compiled.arrays.members.value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("to", [0.08, 0.02])
+def test_the_size_of_a_mechanism_does_not_depend_on_its_longest_piece(to):
+    scene = ksd.Mechanism("slanted", plane="xy")
+    tip, held = scene.links("tip", "held")
+    leaf = scene.leaf("ground", tip, start=(0, 0, 0), end=(0.08, 0.08, 0), section=STRIP, material=STEEL)
+    scene.contact(leaf, scene.surface(held, POINT, at=(0.07, 0.0705, 0)), name="c")
+    model = cut_model(ksd.compile_scene(scene, one_sided=True))
+    moved = cut_at(model, {"leaf at c": to})
+    assert "moved_cuts" in moved.derived and moved.arrays.size == model.arrays.size
