@@ -272,7 +272,8 @@ def _soft_modes(leaf: Any, mesh: Mesh, axis: int, along: AlongLeaf, degree: int)
     that of the section, its first row. Of c the moments up to a degree count, as if it were smooth."""
     orders, _ = leaf_orders(leaf, mesh)
     cuts = np.unique([*along.breaks, *(leaf.profile.breaks if leaf.profile is not None else ())])
-    x, weight = np.polynomial.legendre.leggauss(12)
+    # exact for two modes and a moment up to the degree, where a short piece has no breaks
+    x, weight = np.polynomial.legendre.leggauss(max(12, orders[axis] + degree // 2))
     s = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
     weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
     compliance = along.rows(s)[0]

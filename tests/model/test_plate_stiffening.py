@@ -71,6 +71,14 @@ def test_an_arc_curls_as_little_as_its_own_curvature_lets_it():
     )
 
 
+def test_a_short_piece_has_as_many_modes_as_wanted():
+    """The piece beside the clamp has its local moments on one panel, on which 12 points are too few for 16 modes."""
+    scene, fine = strip(0.06, 0.02, 0.3e-3, points=(0.6 * mm,)), ksd.Mesh(orders=(4, 3, 16), points=20)
+    assert effort(scene, 0.05, with_="plate", mesh=fine) == pytest.approx(
+        effort(scene, 0.05, with_="plate", mesh=ksd.Mesh(orders=(4, 3, 11), points=20)), rel=2e-5
+    )
+
+
 def test_nu_0_changes_no_digit():
     for value in (1e-4, 0.5):
         scene = strip(0.06, 0.03, 0.3e-3, nu=0.0)
