@@ -33,6 +33,7 @@ from ksd.answers.printing import (
     describe_node_motion,
     format_number,
     format_table,
+    name_of_node,
     node_travel,
     released_text,
 )
@@ -342,13 +343,14 @@ def mode_names(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
 def _is_named_body(model: Model) -> Any:
     """Whether each node (nodes,) may name a mode: links may, and internal blocks with a mass of their own."""
     with_mass = {m.link for m in model.scene.masses if m.mass > 0.0}
-    links = [n in with_mass or "/" not in n for n in model.scene.links]
+    unlisted = model.scene.unlisted
+    links = [n in with_mass or not ("/" in n or n in unlisted) for n in model.scene.links]
     return np.array(links + [False] * (len(model.node_names) - len(links)))
 
 
 def _describe_dominant_body(model: Model, node: int, shape: Array, body: bool) -> str:
     """Describe the motion of a node, shape (6,); body: it is a link, otherwise leaf springs are named."""
-    name, does = model.node_names[node], describe_node_motion(model, shape)
+    name, does = name_of_node(model, node), describe_node_motion(model, shape)
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
     leaves = scene_leaves(model)

@@ -153,6 +153,12 @@ def describe_node_motion(model: Model, shape: Array) -> str:
     )
 
 
+def name_of_node(model: Model, node: int) -> str:
+    """Name of a node; of a point that a moment along a leaf spring acts on, that of the leaf."""
+    name = model.node_names[node]
+    return next((p.leaf for p in model.scene.points if p.of_load and p.name == name), name)
+
+
 def describe_motion(model: Model, shape: Array) -> str:
     """Describe the motion of the link or block that moves most in a displacement field, shape (nodes, 6) [m, rad].
 
@@ -160,7 +166,7 @@ def describe_motion(model: Model, shape: Array) -> str:
     """
     node = int(np.argmax(node_travel(model, shape)))
     motion = describe_node_motion(model, shape[node])
-    return motion and f"'{model.node_names[node]}' {motion}"
+    return motion and f"'{name_of_node(model, node)}' {motion}"
 
 
 class NamedAnswers(dict[str, T]):

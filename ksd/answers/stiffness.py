@@ -259,7 +259,7 @@ def node_of(model: Model, link: Any) -> int:
     if name not in model.node_names[1:]:
         raise SceneError(
             f"link '{name}' is not part of this mechanism; its links and blocks are "
-            f"{', '.join(model.node_names[1:])}"
+            f"{', '.join(model.listed_names[1:])}"
         )
     return model.node_names.index(name)
 

@@ -104,6 +104,12 @@ class Model(NotebookTables):
         return tuple(name for name, body in self.bodies.items() if body.kind == SOLID)
 
     @property
+    def listed_names(self) -> tuple[str, ...]:
+        """The node names without points that moments along leaf springs act on."""
+        unlisted = self.scene.unlisted
+        return tuple(name for name in self.node_names if name not in unlisted)
+
+    @property
     def leaf_models(self) -> str:
         """Text on the models of the leaf springs."""
         if self.full is not None and any(body.kind == LINEAR for body in self.bodies.values()):

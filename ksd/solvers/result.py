@@ -218,7 +218,9 @@ class Result:
         link = named.name if isinstance(named, Link) else named
         known = self.model.node_names
         if link not in known:
-            raise SceneError(f"link '{link}' is not part of this mechanism; there are {', '.join(known)}")
+            raise SceneError(
+                f"link '{link}' is not part of this mechanism; there are {', '.join(self.model.listed_names)}"
+            )
         return known.index(link)
 
     @cached_property

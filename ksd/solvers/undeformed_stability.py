@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.derived import cached_per_model
-from ksd.answers.printing import axis_in_words, describe_node_motion, node_travel
+from ksd.answers.printing import axis_in_words, describe_node_motion, name_of_node, node_travel
 from ksd.answers.tangent import assemble_tangent, row_gradients
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
@@ -119,7 +119,7 @@ def multiple_minima_note(model: Model, motion: State, stable: bool) -> str:
     """
     for unstable in undeformed_instability(model):
         node = int(np.argmax(node_travel(model, unstable.shape)))
-        name, movement = model.node_names[node], describe_node_motion(model, unstable.shape[node])
+        name, movement = name_of_node(model, node), describe_node_motion(model, unstable.shape[node])
         directions = "one direction" if unstable.count == 1 else f"{unstable.count} directions"
         why = " and ".join(filter(None, [", ".join(unstable.causes[:-1]), unstable.causes[-1]]))
         makes = "make" if len(unstable.causes) > 1 or why == "loads" else "makes"

@@ -253,8 +253,9 @@ class History(PrintableAnswer):
     def _link(self, name: str) -> LinkMotion:
         trace, known = self.trace, self.trace.model.node_names
         if name not in known:
+            listed = ", ".join(trace.model.listed_names)
             raise UnknownNameError(
-                f"there is no link {show(name)}; there are {', '.join(known)}", kind="link", name=name
+                f"there is no link {show(name)}; there are {listed}", kind="link", name=name
             )
         k = known.index(name)
         return LinkMotion(

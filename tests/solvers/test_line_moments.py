@@ -406,3 +406,14 @@ def test_refused(tmp_path):
     guide.join(guide.ground, guide.link("stage"), joint, at=(0, 0, 0), axis="z", toward="y", name="guide")
     with pytest.raises(ksd.SceneError, match="line load: there is no free-form leaf 'guide/low'"):
         guide.line_load("guide/low", moment=(0, 0, 1))
+
+
+def test_its_points_are_named_by_no_answer():
+    """Those of `moment` are points of the leaf alone."""
+    pose = solved(loaded(moment=(0, 0, UNIT)))
+    texts = [str(pose.frequencies()), str(pose.buckling())]
+    for ask in (pose.stiffness, pose.displacement):
+        with pytest.raises(ksd.SceneError, match="tip") as reason:
+            ask("handle")
+        texts.append(str(reason.value))
+    assert "'strip" in texts[0] + texts[1] and not any("line_load" in text for text in texts)
