@@ -103,7 +103,12 @@ class Result:
         """Flutter check where loads follow their links or are moments; None elsewhere, and where nothing converged."""
         if self.model.conservative or not self.converged:
             return None
-        held = self.with_contacts_held
+        try:
+            held = self.with_contacts_held
+        except SceneError as reason:
+            return Verdict(
+                False, f"NOT CERTAIN: whether it is stable is not known: {str(reason).removesuffix('.')}"
+            )
         return nonconservative_stability(*held.unreduced_state, self.load_factor)
 
     @cached_property

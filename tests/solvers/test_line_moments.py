@@ -417,3 +417,26 @@ def test_its_points_are_named_by_no_answer():
             ask("handle")
         texts.append(str(reason.value))
     assert "'strip" in texts[0] + texts[1] and not any("line_load" in text for text in texts)
+
+
+def test_in_space_beside_contact_that_cannot_be_held():
+    """What is not known is whether it is stable; the state is."""
+    poses = []
+    for moment in ((0, 0, 0), (0, 0, UNIT)):
+        scene, leaf = strip(None)
+        if any(moment):
+            scene.line_load(leaf, moment=moment)
+        ball, at = scene.link("ball"), (0.06, 0.5 * T + 0.02, 0)
+        for axis in "xyz":
+            scene.actuate(ball, along=axis, at=at, name=axis)
+            scene.support(ball, about=axis)
+        scene.contact(leaf, scene.surface(ball, ksd.shapes.ball(0.02), at=at), name="c")
+        poses.append(ksd.solve(scene, x=0.0, y=-5e-3, z=0.0, strict=False))
+    free, pushed = poses
+    assert free.stable and not pushed.stable and pushed.converged
+    assert pushed.contacts["c"].N > free.contacts["c"].N
+    assert pushed.trust.stable.sentence.startswith(
+        "NOT CERTAIN: whether it is stable is not known: contact 'c'"
+    )
+    with pytest.raises(ksd.TrustError, match="NOT CERTAIN"):
+        ksd.solve(scene, x=0.0, y=-5e-3, z=0.0)
