@@ -115,16 +115,22 @@ def cut_places(model: Model, wanted: Mapping[str, float]) -> dict[str, float]:
     which a node stays on its side."""
     found, now = dict(wanted), places_of(model)
     for strip in strips(model):
-        node, least = strip.node, SHORTEST * strip.leaf.length
+        node, length, least = strip.node, strip.leaf.length, SHORTEST * strip.leaf.length
         others = [p.s for p in model.scene.points if p.leaf == strip.leaf.name and p.name not in found]
         for other in strips(model):
             if other.node == node:
                 break
             others += [found[other.node]] * (other.leaf.name == strip.leaf.name)
-        for other_s in others:
-            if abs(found[node] - other_s) < least:
-                found[node] = other_s + (least if now.get(node, found[node]) >= other_s else -least)
-        found[node] = min(max(found[node], least), strip.leaf.length - least)
+        taken = [(-math.inf, least)]
+        for first, last in (*((s - least, s + least) for s in sorted(others)), (length - least, math.inf)):
+            if first < taken[-1][1]:
+                taken[-1] = taken[-1][0], last
+            else:
+                taken.append((first, last))
+        for first, last in taken:
+            if first < found[node] < last:
+                found[node] = last if now.get(node, found[node]) >= 0.5 * (first + last) else first
+                break
     return found
 
 

@@ -12,6 +12,7 @@ from ksd.solvers.leaf_contact import (
     _compiled_at,
     curvatures,
     cut_at,
+    cut_places,
     cut_state,
     node_poses,
     places_of,
@@ -492,3 +493,36 @@ def test_the_size_of_a_mechanism_does_not_depend_on_its_longest_piece(to):
     model = cut_model(ksd.compile_scene(scene, one_sided=True))
     moved = cut_at(model, {"leaf at c": to})
     assert "moved_cuts" in moved.derived and moved.arrays.size == model.arrays.size
+
+
+def two_discs():
+    """A leaf spring under two discs of one driven block."""
+    scene = ksd.Mechanism("two discs", plane="xy")
+    tip, block = scene.links("tip", "block")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=STRIP, material=STEEL, name="leaf")
+    for along in "xy":
+        scene.actuate(block, along=along, at=(0.06, 0.02, 0), name=along)
+    scene.support(block, about="z")
+    for name, x, radius in (("a", 60 * mm, 2 * mm), ("b", 80 * mm, 3 * mm)):
+        disc = scene.surface(
+            block, ksd.shapes.disc(radius), at=(x, radius + 0.25 * mm, 0), name=f"disc {name}"
+        )
+        scene.contact("leaf", disc, name=name)
+    return scene
+
+
+@pytest.mark.parametrize("end", [0.0, 0.1])
+def test_cuts_keep_their_distance_from_each_other_and_from_ends(end):
+    model = cut_model(ksd.compile_scene(two_discs(), one_sided=True))
+    places = cut_places(model, {"leaf at a": end, "leaf at b": end})
+    marks = sorted([0.0, 0.1, *places.values()])
+    assert np.diff(marks).min() > 0.0999 * mm and abs(places["leaf at a"] - end) == pytest.approx(0.1 * mm)
+    # beside each other in the middle one gives way
+    beside = cut_places(model, {"leaf at a": 60 * mm, "leaf at b": 60.01 * mm})
+    assert beside["leaf at b"] == pytest.approx(60.1 * mm)
+
+
+def test_discs_that_leave_the_leaf_over_its_end():
+    pose = ksd.solve(two_discs(), x=45 * mm, y=-2 * mm)
+    assert not pose.touched.closed and pose.stable
+    assert pose.contacts["a"].gap == pytest.approx(3 * mm, rel=1e-3)
