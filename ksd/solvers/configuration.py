@@ -581,7 +581,7 @@ INSIDE = frozenset(
         "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
         "set_equilibrium",
         "unreduced_equilibrium", "unreduced_state",
-        "with_contacts_held", "acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
+        "with_contacts_held", "acts", "found_in_contact", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
     )
 )  # fmt: skip
 """Attributes of a configuration for other modules of the package only; `dir` leaves them out."""

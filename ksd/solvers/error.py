@@ -74,7 +74,7 @@ def error_estimate(pose: Result) -> ErrorEstimate | None:
         return _error_of_solids(pose, own) if can_remesh else replace(own, mesh=math.nan)
     model, motion = pose.unreduced_state
     target, factor = model.targets(pose.targets), pose.load_factor
-    refined_state = _refined_in_contact(pose)[1] if pose.acts else refined_equilibrium(pose)[1]
+    refined_state = _refined_in_contact(pose)[1] if pose.found_in_contact else refined_equilibrium(pose)[1]
     if refined_state is None:
         return _unknown_error(pose)
     found = relative_error(pose.model, pose.motion, refined_state)
@@ -143,7 +143,7 @@ def refined_equilibrium(pose: Result) -> tuple[Model, State | None, int]:
 
 
 def _refined_in_contact(pose: Result) -> tuple[Model, State | None, Touched | None]:
-    """`refined_equilibrium` of a pose in contact: model, state and contacts."""
+    """`refined_equilibrium` of a pose found in contact: model, state and contacts."""
     model, motion = pose.unreduced_state
     fine = refined_model(model)
     state = _initial_state(model, motion, fine, pose.load_factor)
@@ -161,7 +161,7 @@ def refined_configuration(pose: Solved) -> Solved:
         model, motion = _full_solid_equilibrium(pose, cell_factor=cell_factor)
         return replace(pose, model=model, motion=motion, method="conventional", method_error=None)
     negatives, touched = pose.negatives, pose.touched
-    if pose.acts:
+    if pose.found_in_contact:
         fine, state, touched = _refined_in_contact(pose)
     else:
         fine, state, negatives = refined_equilibrium(pose)

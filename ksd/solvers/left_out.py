@@ -66,12 +66,12 @@ def left_out(pose: Result) -> LeftOut:
     target, factor = model.targets(pose.targets), pose.load_factor
 
     def near(model: Model, state: State) -> tuple[Model, State, Touched | None] | None:
-        if pose.acts:
+        if pose.found_in_contact:
             return equilibrium_in_contact(pose, model, state)
         found = find_equilibrium(exact_tangent_arrays(model), state, target, factor)
         return None if found is None else (model, found, None)
 
-    own = (model, motion, pose.touched) if pose.acts else near(model, motion.copy())
+    own = (model, motion, pose.touched) if pose.found_in_contact else near(model, motion.copy())
     if own is None:
         return LeftOut({})
     changes = {}
@@ -127,7 +127,9 @@ def _changes(
     terms = [t for d in model.scene.drives for t in d.terms]
     link = terms[0].link if terms else model.scene.links[1]
     try:
-        held = [(m, s) if t is None else hold_contacts(m, s, t) for m, s, t in (without, with_)]
+        held = [
+            hold_contacts(m, s, t) if t is not None and t.closed else (m, s) for m, s, t in (without, with_)
+        ]
         soft = [point_stiffness(m, s, link, load_factor=load_factor).worst[0] for m, s in held]
     except KsdError:
         return found

@@ -249,6 +249,11 @@ class Result:
         """Whether a stop or cable acts here."""
         return self.touched is not None and self.touched.closed
 
+    @property
+    def found_in_contact(self) -> bool:
+        """Whether load steps with contact found it; none of the contacts may act here."""
+        return self.touched is not None and len(self.touched.before[0]) > 0
+
     def _refuse_contact(self, question: str) -> None:
         """Raise SceneError for a question that has no answer yet where a stop or cable acts."""
         touched = self.touched

@@ -95,3 +95,18 @@ def test_the_printed_pose_tells_its_error():
     text = " ".join(str(ksd.solve(jaw(0.3), y=-8 * mm)).split())
     assert "Estimated error: 4" in text and "plate stiffening (force +4" in text
     assert np.isfinite(ksd.solve(jaw(0.3), y=-8 * mm).uncertainty.relative)
+
+
+def test_a_pose_whose_contacts_have_opened_tells_its_error():
+    """With nothing that loads it, its residual is rounding."""
+    scene = ksd.Mechanism("opened", plane="xy")
+    tip, block = scene.links("tip", "block")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=BLADE, material=STEEL, name="leaf")
+    scene.actuate(block, along="y", at=(0.06, 20.15 * mm, 0), name="y")
+    scene.support(block, along="x", at=(0.06, 20.15 * mm, 0))
+    scene.support(block, about="z")
+    scene.contact("leaf", scene.surface(block, ksd.shapes.disc(20 * mm), at=(0.06, 20.15 * mm, 0)), name="c")
+    _, pose = ksd.walk(scene, [{"y": -5 * mm}, {"y": 1 * mm}])
+    assert not pose.touched.closed and pose.error.relative < 1e-9 and pose.trusted
+    assert pose.with_error(lambda p: p.contacts["c"].gap)[1] < 1e-12
+    assert pose.left_out["plate"]["force"] == 0.0
