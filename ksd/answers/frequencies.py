@@ -208,11 +208,25 @@ class Modes(PrintableAnswer):
             share[group.members] = (moving**2).sum(axis=1)
         return share
 
+    def has_unknowns_of(self, other: Modes) -> bool:
+        """Whether both are of the same nodes and constraints: a closed contact is one, and cuts the leaf spring it is on."""
+        one, two = self.model, other.model
+        return (one.node_names, one.drive_names, one.support_names) == (
+            two.node_names,
+            two.drive_names,
+            two.support_names,
+        )
+
     def mac(self, other: Modes) -> Array:
         """Modal assurance criterion, MAC (k, k'), in 0..1 between these modes and `other`, with the mean of both masses.
 
-        To follow a mode along a stroke, take the mode with the largest number in its row.
+        To follow a mode along a stroke, take the mode with the largest number in its row. Raises SceneError where
+        `other` has other unknowns.
         """
+        if not self.has_unknowns_of(other):
+            raise SceneError(
+                "mac: these modes are of mechanisms with other links, supports or closed contacts."
+            )
         one = np.vstack([self._rooted, other.mass.rooted(self.vector.T)])
         two = np.vstack([self.mass.rooted(other.vector.T), other._rooted])
         return np.asarray((one.T @ two) ** 2 / np.outer(np.sum(one**2, axis=0), np.sum(two**2, axis=0)))

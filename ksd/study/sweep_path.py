@@ -252,7 +252,8 @@ class PathSolver:
 
 def _turned_apart(one: Configuration, other: Configuration) -> float:
     """Largest difference [rad] of a counted angle or rotation of a link in two states of one mechanism."""
-    links = one.model.links
+    # the nodes of a leaf spring that contact cuts are the last
+    links = min(one.model.links, other.model.links)
     angles = [
         np.append(relative_angles(c.model.arrays, c.motion), node_rotations(c.model.arrays, c.motion)[:links])
         for c in (one, other)

@@ -73,11 +73,12 @@ def start_tracks(modes: Modes, count: int) -> Tracks:
 
 
 def continue_tracks(previous: Tracks | None, modes: Modes, count: int, *, by_span: bool = False) -> Tracks:
-    """Tracks of the previous pose continued with the `modes` of this one; new ones without a previous pose.
+    """Tracks of the previous pose continued with the `modes` of this one; new ones without a previous pose, and where other
+    contacts are closed.
 
     by_span: modes of nearly equal frequency are compared by the space they span.
     """
-    if previous is None:
+    if previous is None or not modes.has_unknowns_of(previous.modes):
         return start_tracks(modes, count)
     alive = [t for t, k in enumerate(previous.rank) if k >= 0]
     ranks = [previous.rank[t] for t in alive]
@@ -184,6 +185,8 @@ def _bisect(
 
 
 def _is_unreliable(previous: Tracks, tracks: Tracks, count: int, *, min_mac: float = RELIABLE_MAC) -> bool:
-    """Whether one of the lowest tracks of the previous pose has a MAC below `min_mac` at this one."""
+    """Whether one of the lowest tracks of the previous pose has a MAC below `min_mac` at this one; not where all are new."""
+    if not tracks.modes.has_unknowns_of(previous.modes):
+        return False
     lowest = count + sum(n.startswith("intended") for n in previous.names)
     return any(0 <= k < lowest and tracks.mac[t] < min_mac for t, k in enumerate(previous.rank))

@@ -131,3 +131,27 @@ def test_a_job_knows_what_a_stop_pushes_with():
     assert sum(w for name, w in best.held.items() if name.startswith("stress")) == pytest.approx(
         3.0, rel=0.02
     )
+
+
+@pytest.mark.parametrize("on_leaf", [False, True])
+@pytest.mark.parametrize("order", [1, -1])
+def test_modes_are_followed_anew_where_a_contact_opens_or_closes(on_leaf, order):
+    """A closed contact has an unknown of its own, and cuts the leaf spring that it is on."""
+    scene = ksd.Mechanism("touched", plane="xy")
+    tip, block = scene.links("tip", "block")
+    words = {"section": ksd.rectangle(0.5 * mm, 10 * mm), "material": STEEL}
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), name="leaf", **words)
+    scene.leaf("ground", block, start=(0, 0.1, 0), end=(0.06, 0.1, 0), name="other", **words)
+    scene.actuate(block, along="y", at=(0.06, 20.25 * mm, 0), name="y")
+    disc = scene.surface(block, ksd.shapes.disc(20 * mm), at=(0.06, 20.25 * mm, 0))
+    below = "leaf" if on_leaf else scene.surface(tip, ksd.shapes.disc(5 * mm), at=(0.06, -4.75 * mm, 0))
+    scene.contact(below, disc, name="c")
+    strokes = [-8 * mm, -4 * mm, 1 * mm, 2 * mm][::order]
+    table = ksd.sweep(scene, y=strokes, questions="frequencies", freed="y", progress=False)
+    assert set(table["status"]) == {"ok"}
+    modes = [ksd.solve(scene, y=y).frequencies(freed="y") for y in strokes]
+    assert table["first_parasitic_Hz"] == pytest.approx(
+        [m.frequency_Hz[m.first_parasitic] for m in modes], rel=1e-6
+    )
+    with pytest.raises(ksd.SceneError, match="closed contacts"):
+        modes[0].mac(modes[-1])

@@ -22,7 +22,10 @@ class Made(Modes):
 
     def __init__(self, names, frequency, freed=("drive",)):
         order = np.argsort(frequency)
-        self.model, self.freed = SimpleNamespace(drive_names=("drive",)), freed
+        self.model, self.freed = (
+            SimpleNamespace(drive_names=("drive",), support_names=(), node_names=()),
+            freed,
+        )
         self.frequency_Hz = np.array(frequency)[order]
         self.omega_squared = (2 * np.pi * self.frequency_Hz) ** 2
         self.vector = np.eye(9)[np.array(names)[order]]
