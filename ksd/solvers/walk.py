@@ -127,14 +127,15 @@ def walk(
             at = {name: begin[name] + k / whole * (value - begin[name]) for name, value in goal.items()}
             drives, own = split_values(model, at)
             try:
-                pose = solve_with_contact(
-                    model,
-                    drives,
-                    own,
-                    start=poses[-1] if poses else None,
-                    planar=solver.planar,
-                    storage=solver.storage,
-                )
+                with solver.lock:
+                    pose = solve_with_contact(
+                        model,
+                        drives,
+                        own,
+                        start=poses[-1] if poses else None,
+                        planar=solver.planar,
+                        storage=solver.storage,
+                    )
             except ConvergenceError as error:
                 stop = f"pose {len(poses) + 1} of {whole * len(waypoints)} was not reached: {error}"
                 partial = Walk(tuple(values), tuple(poses), stop)

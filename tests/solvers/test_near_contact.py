@@ -1,5 +1,7 @@
 """Errors by the mesh and effects left out of poses in contact, against the same walks on other models."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -110,3 +112,12 @@ def test_a_pose_whose_contacts_have_opened_tells_its_error():
     assert not pose.touched.closed and pose.error.relative < 1e-9 and pose.trusted
     assert pose.with_error(lambda p: p.contacts["c"].gap)[1] < 1e-12
     assert pose.left_out["plate"]["force"] == 0.0
+
+
+def test_walks_of_one_prepared_solver_in_several_threads():
+    """Their solves share its storage, one after the other."""
+    solver, strokes = ksd.prepare(finger(0.1)), [{"y": -y * mm} for y in (8, 7, 6, 5)]
+    alone = [ksd.walk(solver, [stroke])[-1].forces["y"] for stroke in strokes]
+    with ThreadPoolExecutor(4) as threads:
+        together = list(threads.map(lambda stroke: ksd.walk(solver, [stroke])[-1].forces["y"], 8 * strokes))
+    assert together == 8 * alone
