@@ -156,7 +156,7 @@ def describe_node_motion(model: Model, shape: Array) -> str:
 def name_of_node(model: Model, node: int) -> str:
     """Name of a node; of a point that a moment along a leaf spring acts on, that of the leaf."""
     name = model.node_names[node]
-    return next((p.leaf for p in model.scene.points if p.of_load and p.name == name), name)
+    return next((p.leaf for p in model.scene.points if p.unlisted and p.name == name), name)
 
 
 def describe_motion(model: Model, shape: Array) -> str:

@@ -31,7 +31,7 @@ def constraint_lines(scene: Any) -> list[tuple[str, str]]:
         hinges = (f"{h.kind} '{h.name}' of '{h.b}' on '{h.a}'" for h in scene.hinges)
         lines.append(("without stiffness", ", ".join(hinges)))
     if points := [
-        f"'{p.name}' at s = {1e3 * p.s:.4g} mm of '{p.leaf}'" for p in scene.points if not p.of_load
+        f"'{p.name}' at s = {1e3 * p.s:.4g} mm of '{p.leaf}'" for p in scene.points if not p.unlisted
     ]:
         lines.append(("points of leaf springs", ", ".join(points)))
     return lines

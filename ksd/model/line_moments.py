@@ -59,7 +59,7 @@ def moments_on_points(
 def with_moment_points(scene: Any) -> Any:
     """The scene with points and loads in the place of moments along leaf springs, each load by the name of its line load."""
     lines = [line for line in scene.line_loads if line.has_moment]
-    if not lines or scene.unlisted:
+    if not lines or any(load.link in scene.unlisted for load in scene.loads):
         return scene
     leaves, points, loads = {f.name: f.leaf for f in scene.leaves}, list(scene.points), list(scene.loads)
     for line in lines:
@@ -76,7 +76,7 @@ def with_moment_points(scene: Any) -> Any:
             point = next((p for p in points if p.leaf == line.leaf and abs(p.s - s) <= near), None)
             if point is None:
                 # numbered, not named by s, which a design may vary
-                point = LeafPoint(f"{line.name} {k + 1}", line.leaf, float(s), of_load=True)
+                point = LeafPoint(f"{line.name} {k + 1}", line.leaf, float(s), unlisted=True)
                 points.append(point)
             place = as_vector(leaf.section_at(s / leaf.length)[0])
             loads.append(Load(line.name, point.name, (0.0, 0.0, 0.0), as_vector(moment), place))

@@ -96,13 +96,13 @@ class PlacedLeaf:
 class LeafPoint:
     """Link `name`, without mass, clamped to the free-form leaf `leaf` at arc length s [m] from its start.
 
-    of_load: whether it was made for a moment along the leaf (`ksd.model.line_moments`); then it is not listed.
+    unlisted: whether it is none of the user's: made for a moment (`ksd.model.line_moments`) or contact along the leaf.
     """
 
     name: str
     leaf: str
     s: float
-    of_load: bool = False
+    unlisted: bool = False
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,8 @@ class Scene(NotebookTables):
 
     @property
     def unlisted(self) -> frozenset[str]:
-        """Links that are points made for moments along leaf springs."""
-        return frozenset(p.name for p in self.points if p.of_load)
+        """Links that are points made for moments and contacts along leaf springs."""
+        return frozenset(p.name for p in self.points if p.unlisted)
 
     @property
     def loads_on_links(self) -> tuple[Load, ...]:

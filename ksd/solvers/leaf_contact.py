@@ -156,7 +156,7 @@ def _compiled_at(model: Model, places: Mapping[str, float]) -> Model:
     scene: Scene = model.scene
     leaf = {strip.node: strip.leaf.name for strip in strips(model)}
     points = tuple(p for p in scene.points if p.name not in places)
-    points += tuple(LeafPoint(name, leaf[name], s) for name, s in places.items())
+    points += tuple(LeafPoint(name, leaf[name], s, unlisted=True) for name, s in places.items())
     links = (*(link for link in scene.links if link not in places), *places)
     # pieces of a curved leaf keep their modes wherever it is cut
     leaves = tuple(

@@ -81,6 +81,8 @@ def test_a_disc_and_a_corner_pressed_on_a_finger(shape, down, N, force, s):
     found = pose.contacts["c"]
     assert pytest.approx(N, rel=2e-6) == found.N and found.force[:2] == pytest.approx(force, rel=2e-6)
     assert place(pose) == pytest.approx(s, abs=2e-8) and pose.stable
+    # the node of the cut is none of the user's links
+    assert list(pose.links) == ["ground", "tip", "object"] and "3 links" not in str(pose.model)
     assert found.state == "closed" and abs(found.gap) < 1e-12
 
 
