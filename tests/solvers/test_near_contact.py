@@ -1,11 +1,15 @@
 """Errors by the mesh and effects left out of poses in contact, against the same walks on other models."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import ksd
+from ksd.solvers.leaf_contact import cut_at, node_poses, places_of
+from ksd.solvers.near_contact import equilibrium_in_contact
+from ksd.solvers.touching import cut_model
 from ksd.units import mm
 
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800)
@@ -121,3 +125,24 @@ def test_walks_of_one_prepared_solver_in_several_threads():
     with ThreadPoolExecutor(4) as threads:
         together = list(threads.map(lambda stroke: ksd.walk(solver, [stroke])[-1].forces["y"], 8 * strokes))
     assert together == 8 * alone
+
+
+def test_slip_is_measured_from_where_it_was_though_the_cut_moves():
+    """From the state of another pose, whose leaf spring is cut and turned otherwise, the iterations find the same pose."""
+    walk = ksd.walk(finger(0.8), [{"y": -8 * mm}, {"y": -12 * mm}, {"y": -14 * mm}])
+    before, pose, other = walk
+    assert pose.contacts["c"].state == "stick"
+    places = places_of(other.model)
+    (name, (x, R)), *_ = node_poses(before.model, before.motion, places).items()
+    node = list(pose.touched.what.nodes).index(pose.model.node_names.index(name))
+    last = tuple(a.copy() for a in pose.touched.before)
+    last[0][node], last[1][node] = x, R
+    begun = replace(pose, touched=replace(pose.touched, before=last))
+    model, state = (
+        cut_at(cut_model(ksd.compile_scene(finger(0.8), one_sided=True)), places),
+        other.motion.copy(),
+    )
+    _, found, touched = equilibrium_in_contact(begun, model, state)
+    assert abs(places[name] - places_of(pose.model)[name]) > 0.3 * mm
+    assert touched.forces == pytest.approx(pose.touched.forces, rel=2e-5)
+    assert found.x[:3] == pytest.approx(pose.motion.x[:3], abs=1e-7)
