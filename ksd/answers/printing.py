@@ -154,7 +154,7 @@ def describe_node_motion(model: Model, shape: Array) -> str:
 
 
 def name_of_node(model: Model, node: int) -> str:
-    """Name of a node; of a point that a moment along a leaf spring acts on, that of the leaf."""
+    """Name of a node; of a point made for a moment or contact along a leaf spring, that of the leaf."""
     name = model.node_names[node]
     return next((p.leaf for p in model.scene.points if p.unlisted and p.name == name), name)
 

@@ -105,7 +105,7 @@ class Model(NotebookTables):
 
     @property
     def listed_names(self) -> tuple[str, ...]:
-        """The node names without points that moments along leaf springs act on."""
+        """The node names without points made for moments and contacts along leaf springs."""
         unlisted = self.scene.unlisted
         return tuple(name for name in self.node_names if name not in unlisted)
 

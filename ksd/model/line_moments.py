@@ -3,7 +3,8 @@
 The work of the moment on rotations that are polynomials along the leaf is exact, so what is left is what the steps of the
 inner moment at the points do to the shape in second order: it falls with the fourth power of the number of points. With
 POINTS of them along a whole leaf the place of its end is 7e-7 of its displacement off where m L^2 / EI = 2, which bends it
-by 1 rad, and 3e-6 at 8; so are points of the user, between which the rule is applied. The inner moment has no steps in
+by 1 rad, and 3e-6 at 8; so are points of the user, between which the rule is applied. The steps shorten the leaf, which
+pulls one that is held at both ends; `without_shortening` has that for the error figure. The inner moment has no steps in
 answers: `missing_moment` fills them (`ksd.answers.forces`).
 
 Within the leaf itself the moment would need another leaf kernel: of fixed direction in space it has no potential, so that
@@ -22,12 +23,15 @@ from numpy.typing import NDArray
 
 from ksd.checks import as_vector
 from ksd.errors import SceneError
+from ksd.scene.leaf import LeafCondition
 from ksd.scene.line_load import LineLoad
 from ksd.scene.load import Load
 from ksd.scene.scene import LeafPoint
 
 POINTS, FEWEST_POINTS = 12, 4
 """Points of a moment along a whole leaf, and along a short part of it."""
+SHORTENING_STATIONS = 41
+"""Stations of a piece at which the rotation by the steps of the inner moment is integrated."""
 
 
 def _span(line: LineLoad, length: float) -> tuple[float, float]:
@@ -90,6 +94,31 @@ def without_moments(scene: Any) -> Any:
         return scene
     zero, kept = (0.0, 0.0, 0.0), (line for line in scene.line_loads if line.has_force)
     return replace(scene, line_loads=tuple(replace(x, moment=zero, to_moment=None) for x in kept))
+
+
+def without_shortening(scene: Any, load_factor: float) -> Any:
+    """The scene with leaf springs whose natural length is longer by what the steps of the inner moment at points of moments
+    shorten them: by half the square of the rotation that these steps are; scene: that of `with_moment_points`.
+
+    For the error figure: a leaf spring held at both ends is pulled by it, and as no mesh changes it, no mesh tells it.
+    """
+    leaves = {f.name: f.leaf for f in scene.leaves}
+    for name in dict.fromkeys(line.leaf for line in scene.line_loads if line.has_moment):
+        leaf = leaves[name]
+        marks = [0.0, *sorted(p.s for p in scene.points if p.leaf == name), leaf.length]
+        axes, turn, total = leaf.section_at(0.0)[1], np.zeros(2), 0.0
+        stiff = leaf.material.E * np.array([leaf.section.Iy, leaf.section.Iz])
+        for a, b in pairwise(marks):
+            s, step = np.linspace(a, b, SHORTENING_STATIONS, retstep=True)
+            missing = load_factor * missing_moment(scene, name, leaf.length, s, 0.5 * (a + b))
+            bend = -missing @ axes[:, 1:] / stiff
+            turns = turn + np.cumsum(0.5 * step * (bend + np.vstack([-bend[:1], bend[:-1]])), axis=0)
+            square, turn = (turns**2).sum(axis=1), turns[-1]
+            total += 0.5 * step * (square.sum() - 0.5 * (square[0] + square[-1]))
+        own = leaf.condition or LeafCondition()
+        longer = replace(own, stretch=own.stretch * (1.0 + total / leaf.length))
+        leaves[name] = replace(leaf, condition=longer)
+    return replace(scene, leaves=tuple(replace(f, leaf=leaves[f.name]) for f in scene.leaves))
 
 
 def missing_moment(

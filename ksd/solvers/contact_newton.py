@@ -298,7 +298,10 @@ class ContactNewton:
 
     def _over_bound(self, worst: float) -> float:
         """The residual over its bound; rounding is the bound of bodies without leaf springs."""
-        return worst if worst <= 1.0 or (rounding := self._rounding()) > 1.0 else rounding
+        if worst <= 1.0:
+            return worst
+        rounding = self._rounding()
+        return rounding if rounding <= 1.0 else worst
 
     def _rounding(self) -> float:
         """The largest residual over what rounding leaves of the stiffest member."""

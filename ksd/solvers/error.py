@@ -36,6 +36,7 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import whole_leaf_name
+from ksd.model.line_moments import without_shortening
 from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles
 from ksd.solvers.contact_state import Touched
@@ -136,7 +137,8 @@ def refined_equilibrium(pose: Result) -> tuple[Model, State | None, int]:
     """The model on the refined mesh, the equilibrium on it next to the state of `pose` (None where none is found), and its
     negative pivots."""
     model, motion = pose.unreduced_state
-    fine, factor = refined_model(model), pose.load_factor
+    factor = pose.load_factor
+    fine = _refined_at(model, factor)
     state = _initial_state(model, motion, fine, factor)
     stop, negatives = converge(fine.arrays, state, model.targets(pose.targets), factor)
     return fine, state if stop is Stop.CONVERGED else None, negatives
@@ -145,7 +147,7 @@ def refined_equilibrium(pose: Result) -> tuple[Model, State | None, int]:
 def _refined_in_contact(pose: Result) -> tuple[Model, State | None, Touched | None]:
     """`refined_equilibrium` of a pose found in contact: model, state and contacts."""
     model, motion = pose.unreduced_state
-    fine = refined_model(model)
+    fine = _refined_at(model, pose.load_factor)
     state = _initial_state(model, motion, fine, pose.load_factor)
     return equilibrium_in_contact(pose, fine, state) or (fine, None, None)
 
@@ -255,6 +257,14 @@ def converge(
 def refined_model(model: Model) -> Model:
     """The model with every leaf as a strain-mode leaf of more modes; the nodes are those of `model` without chain nodes."""
     return compile_as_is(model.scene, model.mesh.refined(), model.original_scene, model.choice)
+
+
+def _refined_at(model: Model, load_factor: float) -> Model:
+    """`refined_model`, without what the points of moments along leaf springs shorten these by at a load factor."""
+    if not any(line.has_moment for line in model.scene.line_loads):
+        return refined_model(model)
+    scene = without_shortening(model.scene, load_factor)
+    return compile_as_is(scene, model.mesh.refined(), model.original_scene, model.choice)
 
 
 def _initial_state(model: Model, motion: State, fine: Model, load_factor: float) -> State:

@@ -11,6 +11,7 @@ from scipy.optimize import root
 import ksd
 from ksd.interactive.drawing import Drawing
 from ksd.interactive.sliders import load_size, with_loads
+from ksd.model import line_moments
 from ksd.model.chosen_effects import with_load_points
 from ksd.model.line_moments import missing_moment, moments_on_points
 
@@ -176,6 +177,36 @@ def test_moment_that_the_points_miss():
         assert missing_moment(cut, "strip", L, np.array([s]), s + near) == pytest.approx(0.0, abs=1e-12)
     half = 0.5 * (at[2] + at[3])
     assert np.abs(missing_moment(cut, "strip", L, np.array([half]), half)).max() < 2e-2 * total.max()
+
+
+@pytest.mark.parametrize("held", ["free", "pushed", "slid", "clamped"])
+def test_the_error_counts_the_points(held, monkeypatch):
+    """The steps shorten the leaf, which pulls one that is held at both ends, and no mesh tells it."""
+
+    def pose(points):
+        monkeypatch.setattr(line_moments, "POINTS", points)
+        scene, leaf = strip()
+        scene.line_load(leaf, moment=(0, 0, 2 * UNIT), name=f"film of {points}")
+        if held == "pushed":
+            scene.load("tip", force=(0, -1.0, 0), at=(L, 0, 0))
+        for along in {"slid": "y", "clamped": "yx"}.get(held, ""):
+            scene.actuate("tip", along=along, at=(L, 0, 0), name=along)
+        if held in ("slid", "clamped"):
+            scene.support("tip", about="z")
+        values = {"y": 0.1 * L} if held == "slid" else {}
+        return ksd.solve(scene, values | dict.fromkeys({"clamped": "yx"}.get(held, ""), 0.0), strict=False)
+
+    own, finer = pose(12), pose(30)
+    off = np.linalg.norm(own.displacement("tip") - finer.displacement("tip"))
+    assert own.error.displacement == pytest.approx(off, rel=0.3, abs=1e-9)
+    if held != "clamped":
+        assert own.error.relative > 20.0 * finer.error.relative
+    else:
+        assert abs(own.forces["x"]) > 0.1
+        assert own.error.relative == pytest.approx(abs(own.forces["x"] / own.forces["y"]), rel=0.05)
+        assert own.error.force[1] == pytest.approx(abs(own.forces["x"]), rel=0.05)
+        _, error = own.with_error(lambda p: p.forces["x"])
+        assert error == pytest.approx(own.error.force[1], rel=1e-6)
 
 
 def test_force_and_moment_in_one():
